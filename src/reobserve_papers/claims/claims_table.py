@@ -98,8 +98,8 @@ def row(
             found = separation(claim, samples, outcomes)
             if found.choice or word != CALIBRATED:
                 cells |= {"choice": found.choice, "separation": found.sentence}
-                best = next(iter(found.splits.values()), None)
-                cells["explained"] = f"{best.explained:.3f}" if best else ""
+                if found.explained is not None:
+                    cells["explained"] = f"{found.explained:.3f}"
     if claim.null:
         nulls = decider.outcomes(claim.with_null)
         cells["null"] = f"{nulls.count('holds') / len(nulls):.4g}"

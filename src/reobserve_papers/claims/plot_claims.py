@@ -1,4 +1,4 @@
-"""Plots of samples: specification curves of main claims, sensitivity bars of the others.
+"""Plots of samples: specification curves of main claims, and the choices that separate them.
 
 The curve has the deciding number over all samples in order, the bound across it, and below it where
 in its range each choice stood (Simonsohn, Simmons & Nelson 2020, Nat. Hum. Behav. 4:1208).
@@ -7,26 +7,21 @@ in its range each choice stood (Simonsohn, Simmons & Nelson 2020, Nat. Hum. Beha
 from __future__ import annotations
 
 import math
-import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve_papers.claims.checks import Check, Numbers
-from reobserve_papers.claims.influences import (
-    FEWEST,
-    as_places,
-    deciding_check,
-    deciding_numbers,
-    influences,
-    ranks,
-)
 from reobserve_papers.claims.inquiry import Robustness
 from reobserve_papers.claims.outcomes import deciding as deciding_of
+from reobserve_papers.claims.outcomes import nested
 from reobserve_papers.claims.registry import Claim
+from reobserve_papers.claims.separation import DECIDES, as_places, separation
+from reobserve_papers.claims.verdict_rules import DEPENDS, UNDECIDED
 from reobserve_papers.plotting.style_sheet import WIDTH
 
 _HELD, _FAILED, _STATED = "#1a1a1a", "#c4500a", "#2a7fc1"
@@ -38,10 +33,12 @@ _MARKS: dict[object, tuple[str, str, str]] = {
 }
 _WIDEST = 1e12  # maximum ratio of the ends of a logarithmic axis; smaller values are below it
 _SMALL = 6.3  # points
-_LEFT = 1.95  # inches, for the names of choices
+_TINY = 6.0  # points
+_LEFT = 2.35  # inches, for the names of choices
 _ROW = 0.13  # inches
-_TITLE = 2.6  # rows, with a gap above it
-_MAX_BARS = 6  # the largest; the others seldom explain more than chance does
+_GAP = 1.2  # rows, above a title
+_LETTERS = 125  # of a line of a title
+_MAX_BARS = 4  # the largest; the others seldom explain more than chance does
 
 
 def specification_curves(
@@ -61,41 +58,51 @@ def specification_curves(
     return figure
 
 
-def sensitivity_bars(claims: Sequence[Claim], sampled: Mapping[str, Robustness]) -> Figure:
-    """Draw how much of the deciding number each choice explains, of claims that they turn over."""
-    drawn = [(claim, sampled[claim.name]) for claim in claims if claim.name in sampled]
-    each = influences(drawn)
-    shown = [
-        (claim, samples, bars[:_MAX_BARS])
-        for (claim, samples), bars in zip(drawn, each, strict=True)
-        if bars
-    ]
+def sensitivity_bars(
+    claims: Sequence[Claim], sampled: Mapping[str, Robustness], verdicts: Mapping[str, str]
+) -> Figure:
+    """Draw how much each choice explains of the outcomes of claims that depend or are undecided."""
+    shown = []
+    for claim in claims:
+        if verdicts[claim.name] in (DEPENDS, UNDECIDED):
+            samples = sampled[claim.name]
+            found = separation(claim, samples, samples.outcomes(claim))
+            if found.splits:
+                said = textwrap.wrap(f"{_spoken(claim)}: {found.sentence}", _LETTERS)
+                shown.append((claim, found, said, list(found.splits)[:_MAX_BARS]))
     if not shown:
-        return _said(f"No claim turns over in some of {FEWEST} samples or more.")
-    rows = sum(len(bars) + _TITLE for _, _, bars in shown)
+        return _said("No claim has enough samples to tell on which choice it depends.")
+    rows = sum(len(names) + len(said) + _GAP for _, _, said, names in shown)
     figure, (axes,) = _stack([(0.05, _ROW * rows)], 0.6)
     places: list[float] = []
     row = 0.0
-    for claim, samples, bars in shown:
-        said = f"{_spoken(claim)}: held in {_held(claim, samples)} of {samples.samples} samples"
-        axes.text(0.0, row + _TITLE - 0.9, said, fontsize=7.5)
-        places += [row + _TITLE + k for k in range(len(bars))]
-        row += _TITLE + len(bars)
-    each_bar = [bar for _, _, bars in shown for bar in bars]
-    axes.barh(
-        places,
-        [max(bar.share, 0.0) for bar in each_bar],
-        color=["0.25" if bar.chance < 0.05 else "0.75" for bar in each_bar],
-        height=0.7,
-    )
-    axes.set_yticks(places, [_short(bar.name) for bar in each_bar], fontsize=5.6)
+    for _, _, said, names in shown:
+        row += len(said) + _GAP
+        axes.text(
+            -_LEFT / (0.98 * WIDTH - _LEFT) + 0.01, row - 0.7, "\n".join(said), fontsize=7,
+            transform=axes.get_yaxis_transform(), va="bottom",
+            bbox={"facecolor": "white", "linewidth": 0, "pad": 1},
+        )  # fmt: skip
+        places += [row + k for k in range(len(names))]
+        row += len(names)
+    bars = [
+        (found.splits[name].explained, "0.25" if name == found.choice else "0.75")
+        for _, found, _, names in shown
+        for name in names
+    ]
+    widths, colors = zip(*bars, strict=True)
+    axes.barh(places, widths, color=colors, height=0.7)
+    labels = [label for claim, _, _, names in shown for label in _labels(claim, names)]
+    axes.set_yticks(places, labels, fontsize=_TINY)
     axes.set_ylim(rows - 0.4, 0.0)
     axes.grid(axis="y", visible=False)
+    axes.set_axisbelow(True)
+    axes.spines["left"].set_visible(False)
     axes.set_xlim(0, 1)
-    axes.set_xticks([0, 0.25, 0.5, 0.75, 1], ["0", "0.25", "0.5", "0.75", "1"])
+    axes.set_xticks([0, DECIDES, 0.4, 0.6, 0.8, 1], ["0", f"{DECIDES}", "0.4", "0.6", "0.8", "1"])
     axes.set_xlabel(
-        "rank correlation of the outcome with the choice;\n"
-        "grey: chance gives as much among so many",
+        "share of the outcomes that a choice explains, in samples in which it was not sought;\n"
+        "dark: the choice that explained most where it was sought, if it explains a fifth here",
         fontsize=7,
     )
     return figure
@@ -160,7 +167,8 @@ def _curve(
             range(len(order)), [row] * len(order), c=shades, cmap="Greys", vmin=-0.25, vmax=1.0,
             s=9, marker="s", linewidths=0,
         )  # fmt: skip
-    _label_rows(choices, samples.names)
+    choices.set_yticks(range(len(samples.names)), _labels(claim, samples.names), fontsize=_TINY)
+    choices.set_ylim(len(samples.names) - 0.4, -0.6)
     choices.set_xlim(curve.get_xlim())
     choices.set_xlabel(
         "samples in order; dark: high in its range, or late among its words in alphabetic order",
@@ -168,6 +176,24 @@ def _curve(
     )
     choices.set_xticks([])
     choices.grid(visible=False)
+
+
+def deciding_check(claim: Claim, robustness: Robustness) -> int:
+    """The check that fails in most samples, the first of those that fail as often."""
+    drawn = [numbers for numbers in deciding_numbers(claim, robustness) if numbers]
+    fails = [
+        sum(not check.satisfied_by(numbers[k]) for numbers in drawn)
+        for k, check in enumerate(claim.checks)
+    ]
+    return fails.index(max(fails))
+
+
+def deciding_numbers(claim: Claim, robustness: Robustness) -> list[tuple[float, ...]]:
+    """The numbers that decide the checks, none for a sample that diverged or was refused."""
+    return [
+        deciding_of(claim, None if trial.numbers is None else nested(trial.numbers))
+        for trial in robustness.trials
+    ]
 
 
 def _held(claim: Claim, samples: Robustness) -> int:
@@ -198,33 +224,35 @@ def _last_if_none(number: float) -> float:
 
 def _in_range(values: Sequence[Any]) -> list[float]:
     """Places of values in order, from 0 to 1."""
-    places = ranks(as_places(values))
-    return [place / max(*places, 1) for place in places]
+    _, places = np.unique(as_places(values), return_inverse=True)
+    shades: list[float] = (places / max(*places, 1)).tolist()
+    return shades
 
 
-def _label_rows(axes: Axes, names: Sequence[str]) -> None:
-    """Label rows from the top."""
-    axes.set_yticks(range(len(names)), [_short(name) for name in names], fontsize=5.6)
-    axes.set_ylim(len(names) - 0.4, -0.6)
-
-
-def _short(name: str) -> str:
-    """The name of a choice, without those of others that move with it."""
-    return re.sub(r"\{.*?\}", "*", name)
+def _labels(claim: Claim, names: Sequence[str]) -> list[str]:
+    """Choices in words, with what they belong to where a claim has several of the same name."""
+    words = [claim.label(name).words for name in claim.labels]
+    labels = map(claim.label, names)
+    return [str(label) if words.count(label.words) > 1 else label.words for label in labels]
 
 
 def _spelled(check: Check) -> str:
     """The label of the axis: numbers of figures or of the theory, in words."""
     value = check.value[0]
-    name = f"{value.metric.replace('_', ' ')} of {value.observer}, {value.figure}"
+    name = f"{value.metric} of {value.observer}, {value.figure}"
     if not check.how:
-        return name
+        return _plain(name)
     other = check.other[0]
-    return f"{name} {'over' if check.how == 'over' else 'less'} that of {other.observer}"
+    how = "over" if check.how == "over" else "less"
+    return _plain(f"{name} {how} that of {other.observer}")
 
 
 def _spoken(claim: Claim) -> str:
-    return claim.name.replace("_", " ")
+    return _plain(claim.name)
+
+
+def _plain(text: str) -> str:
+    return text.replace("_", " ").replace("=", " ")
 
 
 def _said(sentence: str) -> Figure:

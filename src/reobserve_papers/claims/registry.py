@@ -103,6 +103,10 @@ class Claim:
         """The keys of the parameters that it depends on."""
         return [key for choice in self.choices for key in choice.keys]
 
+    def label(self, name: str) -> Label:
+        """The label of a choice, by its name."""
+        return self.labels.get(name, Label(name))
+
     @property
     def knob_names(self) -> tuple[str, ...]:
         """The names of the values that a sample chooses."""

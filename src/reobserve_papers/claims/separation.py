@@ -13,8 +13,8 @@ in the shares of both sides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -57,37 +57,42 @@ class Split:
 
 @dataclass(frozen=True)
 class Separation:
-    """The best split of each choice that has one, by name, the one that was found first.
+    """The choice that separates the outcomes of a claim, if one does, and a sentence.
 
-    ``sentence`` says how the ``choice`` separates the outcomes, which is empty if none does.
+    ``explained`` is by the choice that explained most where it was found, none if samples are too
+    few to tell. ``splits`` are those of all choices, that of ``choice`` first.
     """
 
-    splits: dict[str, Split]
     choice: str
     sentence: str
+    explained: float | None = None
+    splits: Mapping[str, Split] = field(default_factory=dict)
 
 
 def separation(claim: Claim, robustness: Robustness, outcomes: Sequence[Outcome]) -> Separation:
     """Find the choice that separates the outcomes of a claim most."""
     held = np.array([word == "holds" for word in outcomes])
-    found, stated = halves(len(held), whole=len(held) == robustness.whole)
+    whole = len(held) == robustness.whole
+    found, stated = halves(len(held), whole=whole)
+    columns = zip(*(trial.values for trial in robustness.trials), strict=True)
     tried = {
-        name: best_split([trial.values[k] for trial in robustness.trials], held, found, stated)
-        for k, name in enumerate(robustness.names)
-        if not name.endswith("seed")
+        name: best_split(values, held, found, stated)
+        for name, values in zip(robustness.names, columns, strict=True)
+        if not name.endswith("seed") and len(set(map(repr, values))) > 1
     }
     splits = {name: split for name, split in tried.items() if split}
-    choice = max(splits, key=lambda name: splits[name].found, default="")
+    best = max(splits, key=lambda name: splits[name].found, default="")
+    choice = best if best and splits[best].explained >= DECIDES else ""
+    if choice:
+        sentence = in_words(splits[choice], claim.label(choice))
+    elif len(splits) < len(tried):
+        kind = "settings" if whole else "samples"
+        return Separation("", f"{len(held)} {kind} are too few to tell which choice decides")
+    else:
+        sentence = "no single choice decides"
     ranked = sorted(splits, key=lambda name: (name != choice, -splits[name].explained))
-    splits = {name: splits[name] for name in ranked}
-    if choice and splits[choice].explained >= DECIDES:
-        label = claim.labels.get(choice, Label(choice))
-        return Separation(splits, choice, in_words(splits[choice], label))
-    if None in tried.values():
-        return Separation(
-            splits, "", f"{len(held)} samples are too few to tell which choice decides"
-        )
-    return Separation(splits, "", "no single choice decides")
+    explained = splits[best].explained if best else None
+    return Separation(choice, sentence, explained, {name: splits[name] for name in ranked})
 
 
 def halves(samples: int, *, whole: bool) -> tuple[_Mask, _Mask]:

@@ -27,7 +27,7 @@ def run(parameter_file: Path, formats: Sequence[str]) -> None:
     plots = (
         alternatives_curve(claims, title, rows, verdicts),
         specification_curves(claims, decider.samples, decider.numbers),
-        sensitivity_bars(claims, decider.samples),
+        sensitivity_bars(claims, decider.samples, verdicts),
     )
     for name, plot in zip(CLAIM_PLOTS, plots, strict=True):
         fix_layout(plot)
