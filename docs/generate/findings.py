@@ -13,7 +13,7 @@ from reobserve.core.documents import read_yaml
 from reobserve_papers.claims.verdict_rules import CONTRADICTED, REPRODUCED, VERDICTS
 from reobserve_papers.claims.verdict_table import counts_table, dissent, sentence, titles_table
 from reobserve_papers.report.gather import cited
-from reobserve_papers.report.reported_claims import ReportedClaim
+from reobserve_papers.report.reported_claims import SIGNS, ReportedClaim
 
 _ROOT = "../../.."  # from a page of findings
 
@@ -41,8 +41,10 @@ def findings(paper: Paper) -> str:
 
 
 def chip(verdict: str) -> str:
-    """A verdict with a mark that distinguishes it without colour."""
-    return f'<span class="verdict {verdict.replace(" ", "-")}">**{plain(verdict)}**</span>'
+    """A verdict with a sign that distinguishes it without colour."""
+    name = verdict.replace(" ", "-")
+    sign = f'<span class="sign" aria-hidden="true">{SIGNS[verdict]}</span>'
+    return f'<span class="verdict {name}">{sign} **{plain(verdict)}**</span>'
 
 
 def _rows(papers: Sequence[Paper]) -> list[dict[str, str]]:

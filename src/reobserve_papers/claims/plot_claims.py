@@ -92,7 +92,7 @@ def sensitivity_bars(
     ]
     widths, colors = zip(*bars, strict=True)
     axes.barh(places, widths, color=colors, height=0.7)
-    labels = [label for claim, _, _, names in shown for label in _labels(claim, names)]
+    labels = [label for claim, _, _, names in shown for label in short_labels(claim, names)]
     axes.set_yticks(places, labels, fontsize=_TINY)
     axes.set_ylim(rows - 0.4, 0.0)
     axes.grid(axis="y", visible=False)
@@ -167,8 +167,9 @@ def _curve(
             range(len(order)), [row] * len(order), c=shades, cmap="Greys", vmin=-0.25, vmax=1.0,
             s=9, marker="s", linewidths=0,
         )  # fmt: skip
-    choices.set_yticks(range(len(samples.names)), _labels(claim, samples.names), fontsize=_TINY)
-    choices.set_ylim(len(samples.names) - 0.4, -0.6)
+    labels = short_labels(claim, samples.names)
+    choices.set_yticks(range(len(labels)), labels, fontsize=_TINY)
+    choices.set_ylim(len(labels) - 0.4, -0.6)
     choices.set_xlim(curve.get_xlim())
     choices.set_xlabel(
         "samples in order; dark: high in its range, or late among its words in alphabetic order",
@@ -229,7 +230,7 @@ def _in_range(values: Sequence[Any]) -> list[float]:
     return shades
 
 
-def _labels(claim: Claim, names: Sequence[str]) -> list[str]:
+def short_labels(claim: Claim, names: Sequence[str]) -> list[str]:
     """Choices in words, with what they belong to where a claim has several of the same name."""
     words = [claim.label(name).words for name in claim.labels]
     labels = map(claim.label, names)

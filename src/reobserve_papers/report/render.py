@@ -15,6 +15,7 @@ from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.report.content_security_policy import content_policy, inline
 from reobserve_papers.report.gather import gather
 from reobserve_papers.report.report_gaps import Gap
+from reobserve_papers.report.reported_claims import SIGNS
 from reobserve_papers.steps.freshness import check_code
 
 
@@ -61,6 +62,7 @@ def render(report: dict[str, Any], templates: Path) -> str:
         return environment.get_template("page.html.jinja").render(
             report=report,
             verdicts=(*VERDICTS, BROKEN),
+            signs=SIGNS,
             policy=content_policy(style, script),
             style=Markup(style),
             script=Markup(script),
