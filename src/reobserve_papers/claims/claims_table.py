@@ -11,15 +11,8 @@ from reobserve_papers.claims.decider import Decider
 from reobserve_papers.claims.inquiry import Robustness
 from reobserve_papers.claims.margins import format_margins, margins
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.separation import separation
-from reobserve_papers.claims.verdict_rules import (
-    BROKEN,
-    CALIBRATED,
-    CONTRADICTED,
-    DEPENDS,
-    UNDECIDED,
-    VERDICTS,
-)
+from reobserve_papers.claims.separation import SEPARATED, separation
+from reobserve_papers.claims.verdict_rules import BROKEN, CALIBRATED, CONTRADICTED, VERDICTS
 
 HEADER = (
     "paper", "claim", "promised", "quantifier", "place", "statement", "verdict", "holds",
@@ -94,7 +87,7 @@ def row(
             "low": f"{low:.4g}",
             "high": f"{high:.4g}",
         }
-        if word in (DEPENDS, UNDECIDED, CALIBRATED):
+        if word in SEPARATED:
             found = separation(claim, samples, outcomes)
             if found.choice or word != CALIBRATED:
                 cells |= {"choice": found.choice, "separation": found.sentence}

@@ -10,17 +10,14 @@ from typing import Any
 from reobserve_papers.claims.choices import Choice, Knob
 from reobserve_papers.parameters.config import refuse_unknown
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.parameters.step_kinds import SECTIONS
 from reobserve_papers.parameters.units import TIMING
 
-_ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")
-_NO_UNITS = ("word", "file", "name", "1")
-_TIMED = {"frequency": "rad/s", "phase": "rad", "period": "s", "from": "s", "until": "s"}
+Excluded = Mapping[str, Mapping[str, str]]
 
 
 @dataclass(frozen=True)
 class Label:
-    """A choice in words, what it belongs to, and its unit, if it has one.
+    """A choice in words: its name, what it belongs to, its unit, and each reading by `spelt`.
 
     ``notes`` say of values, by `spelt`, that the paper states, names or excludes them.
     """
@@ -28,6 +25,7 @@ class Label:
     words: str
     of: str = ""
     unit: str = ""
+    readings: Mapping[str, str] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
@@ -35,34 +33,15 @@ class Label:
 
 
 def labels(
-    parameters: Parameters, choices: Iterable[Choice], excluded: Mapping[str, Mapping[str, str]]
+    parameters: Parameters, choices: Iterable[Choice], excluded: Excluded
 ) -> dict[str, Label]:
     """The labels of choices by name, of whose words the paper ``excluded`` some readings."""
-    choices = list(choices)
     knobs = {knob.name: knob for choice in choices for knob in choice.knobs}
-    words = {key: list(map(spelt, one.words)) for one in knobs.values() for key in one.keys}
-    refuse_unknown("excluded", excluded, [key for key, known in words.items() if known])
-    for key, one in excluded.items():
-        refuse_unknown(f"excluded.{key}", one, words[key])
-    named = {name: Label(name) for choice in choices for name in choice.names}
-    return named | {name: _label(parameters, knob, excluded) for name, knob in knobs.items()}
-
-
-def _label(parameters: Parameters, knob: Knob, excluded: Mapping[str, Mapping[str, str]]) -> Label:
-    entry = parameters.by_key[knob.keys[0]]
-    section, *_, name = knob.keys[0].split(".")
-    owners = dict.fromkeys(" ".join(key.split(".")[1:-1]) for key in knob.keys)
-    of = section
-    if all(owners):
-        singular = {plural: one for one, plural in SECTIONS.items()}.get(section, section)
-        of = f"{singular if len(owners) == 1 else section} {listed([*owners])}"
-    notes = dict.fromkeys(map(spelt, entry.get("named", ())), "named by the paper")
-    if entry["source"] != "assumed":
-        notes.setdefault(spelt(knob.value), "stated by the paper")
-    for reading, where in (item for key in knob.keys for item in excluded.get(key, {}).items()):
-        notes[reading] = f"excluded by {where}"
-    words, unit = _placed(name, knob.path, entry), _unit(knob.path, entry)
-    return Label(_plain(words), _plain(of), unit, notes)
+    words = {key: knob.words for knob in knobs.values() for key in knob.keys if knob.words}
+    refuse_unknown("excluded", excluded, words)
+    for key, listed in excluded.items():
+        refuse_unknown(f"excluded.{key}", listed, list(map(spelt, words[key])))
+    return {name: _label(parameters, knob, excluded) for name, knob in knobs.items()}
 
 
 def spelt(value: Any) -> str:
@@ -77,60 +56,54 @@ def spelt(value: Any) -> str:
 
 
 def readings(values: Sequence[Any]) -> dict[str, str]:
-    """Words for each reading of a choice, by `spelt`: of signals, what distinguishes them."""
-    items: dict[str, set[str]] = {}
-    for term in (term for value in values if _is_signal(value) for term in value):
-        for key, item in term.items():
-            items.setdefault(key, set()).add(spelt(item))
-    return {spelt(value): _plain(_reading(value, items)) for value in values}
+    """Words for each reading of a choice, by `spelt`; of signals, what distinguishes them."""
+    terms = [term for value in values if isinstance(value, list) for term in value]
+    items = {(key, spelt(term[key])) for term in terms if isinstance(term, dict) for key in term}
+    keys = [key for key, _ in items]
+
+    def words(value: Any) -> str:
+        if isinstance(value, list):
+            return ", ".join(map(words, value))
+        if isinstance(value, dict):
+            value = " ".join(f"{key} {spelt(value[key])}" for key in value if keys.count(key) > 1)
+        return spelt(value).removeprefix("kind ").replace("_", " ")
+
+    return {spelt(value): words(value) for value in values}
 
 
-def listed(words: Sequence[str], joint: str = "and") -> str:
-    """Words in a row, the last one after the joint."""
-    return f" {joint} ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
-
-
-def _is_signal(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(term, Mapping) for term in value)
-
-
-def _reading(value: Any, items: Mapping[str, set[str]]) -> str:
-    if not _is_signal(value):
-        return ", ".join(map(spelt, value)) if isinstance(value, list) else spelt(value)
-    return " and ".join(
-        " ".join(
-            item if key == "kind" else f"{key} {spelt(item)}"
-            for key, item in term.items()
-            if key == "kind" or len(items[key]) > 1
-        )
-        for term in value
-    )
+def _label(parameters: Parameters, knob: Knob, excluded: Excluded) -> Label:
+    entry = parameters.by_key[knob.keys[0]]
+    of, *_, name = knob.keys[0].split(".")
+    owners = ", ".join(dict.fromkeys(" ".join(key.split(".")[1:-1]) for key in knob.keys))
+    of = f"{of} {owners}" if "," in owners else f"{of.removesuffix('s')} {owners}" if owners else of
+    stated = () if entry["source"] == "assumed" else (knob.value,)
+    notes = dict.fromkeys(map(spelt, stated), "stated by the paper")
+    notes |= dict.fromkeys(map(spelt, knob.named), "named by the paper")
+    for key in knob.keys:
+        notes |= {word: f"excluded by {where}" for word, where in excluded.get(key, {}).items()}
+    words = {
+        key: f"{text} ({notes[key]})" if key in notes else text
+        for key, text in readings(knob.words).items()
+    }
+    of, name = (text.replace("_", " ") for text in (of, _placed(name, knob.path, entry)))
+    return Label(name, of, _unit(knob.path, entry), words, notes)
 
 
 def _placed(name: str, path: Sequence[str | int], entry: Mapping[str, Any]) -> str:
     """The name of an entry, and the place in its value."""
     if path in ((0,), (1,)) and len(entry["value"]) == 2 and entry["unit"] == "s":
         return f"{('beginning', 'end')[int(path[0])]} of the window {name}"
-    parts = [name]
-    for depth, step in enumerate(path):
-        if isinstance(step, str):
-            parts.append(step)
-        elif depth == 0 and step < len(_ORDINALS):
-            parts[0] = f"{_ORDINALS[step]} {name.removesuffix('s')}"
-        else:
-            parts.append(f"number {step + 1}")
-    return " of the ".join(reversed(parts))
+    if path:
+        name = f"{name.removesuffix('s')} {int(path[0]) + 1}"
+    return " of ".join([*map(str, reversed(path[1:])), name])
 
 
 def _unit(path: Sequence[str | int], entry: Mapping[str, Any]) -> str:
     """The unit of a number, of a term of a signal or of a component."""
     units = re.split(", | to ", entry["unit"])
     if path and isinstance(path[-1], str):
-        units = [_TIMED.get(path[-1]) or next((one for one in units if one not in TIMING), "")]
+        own = next((unit for unit in units if unit not in TIMING), "")
+        units = [{"frequency": "rad/s", "phase": "rad"}.get(path[-1], own)]
     elif path and len(units) == len(entry["value"]):
         units = [units[int(path[0])]]
-    return "" if len(units) > 1 or units[0] in _NO_UNITS else units[0]
-
-
-def _plain(text: str) -> str:
-    return text.replace("_", " ")
+    return units[0] if len(units) == 1 and units[0] not in ("word", "file", "name", "1") else ""

@@ -20,8 +20,7 @@ from reobserve_papers.claims.inquiry import Robustness
 from reobserve_papers.claims.outcomes import deciding as deciding_of
 from reobserve_papers.claims.outcomes import nested
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.separation import DECIDES, as_places, separation
-from reobserve_papers.claims.verdict_rules import DEPENDS, UNDECIDED
+from reobserve_papers.claims.separation import DECIDES, SEPARATED, are_numbers, separation
 from reobserve_papers.plotting.style_sheet import WIDTH
 
 _HELD, _FAILED, _STATED = "#1a1a1a", "#c4500a", "#2a7fc1"
@@ -64,46 +63,38 @@ def sensitivity_bars(
     """Draw how much each choice explains of the outcomes of claims that depend or are undecided."""
     shown = []
     for claim in claims:
-        if verdicts[claim.name] in (DEPENDS, UNDECIDED):
+        if verdicts[claim.name] in SEPARATED and claim.name in sampled:
             samples = sampled[claim.name]
-            found = separation(claim, samples, samples.outcomes(claim))
-            if found.splits:
-                said = textwrap.wrap(f"{_spoken(claim)}: {found.sentence}", _LETTERS)
-                shown.append((claim, found, said, list(found.splits)[:_MAX_BARS]))
+            choice, sentence, _, splits = separation(claim, samples, samples.outcomes(claim))
+            if splits:
+                said = textwrap.wrap(f"{_plain(claim.name)}: {sentence}", _LETTERS)
+                shown.append((claim, choice, said, list(splits.items())[:_MAX_BARS]))
     if not shown:
         return _said("No claim has enough samples to tell on which choice it depends.")
-    rows = sum(len(names) + len(said) + _GAP for _, _, said, names in shown)
+    rows = sum(len(bars) + len(said) + _GAP for _, _, said, bars in shown)
     figure, (axes,) = _stack([(0.05, _ROW * rows)], 0.6)
-    places: list[float] = []
-    row = 0.0
-    for _, _, said, names in shown:
+    row, places, labels = 0.0, [], []
+    for claim, choice, said, bars in shown:
         row += len(said) + _GAP
         axes.text(
             -_LEFT / (0.98 * WIDTH - _LEFT) + 0.01, row - 0.7, "\n".join(said), fontsize=7,
-            transform=axes.get_yaxis_transform(), va="bottom",
-            bbox={"facecolor": "white", "linewidth": 0, "pad": 1},
+            transform=axes.get_yaxis_transform(), va="bottom", backgroundcolor="white",
         )  # fmt: skip
-        places += [row + k for k in range(len(names))]
-        row += len(names)
-    bars = [
-        (found.splits[name].explained, "0.25" if name == found.choice else "0.75")
-        for _, found, _, names in shown
-        for name in names
-    ]
-    widths, colors = zip(*bars, strict=True)
-    axes.barh(places, widths, color=colors, height=0.7)
-    labels = [label for claim, _, _, names in shown for label in short_labels(claim, names)]
+        labels += short_labels(claim, [name for name, _ in bars])
+        for name, split in bars:
+            axes.barh(row, split.explained, 0.7, color="0.25" if name == choice else "0.75")
+            places.append(row)
+            row += 1
     axes.set_yticks(places, labels, fontsize=_TINY)
     axes.set_ylim(rows - 0.4, 0.0)
     axes.grid(axis="y", visible=False)
     axes.set_axisbelow(True)
     axes.spines["left"].set_visible(False)
     axes.set_xlim(0, 1)
-    axes.set_xticks([0, DECIDES, 0.4, 0.6, 0.8, 1], ["0", f"{DECIDES}", "0.4", "0.6", "0.8", "1"])
     axes.set_xlabel(
         "share of the outcomes that a choice explains, in samples in which it was not sought;\n"
-        "dark: the choice that explained most where it was sought, if it explains a fifth here",
-        fontsize=7,
+        f"dark: it explained most where it was sought, and explains {DECIDES:g} or more here",
+        fontsize=_SMALL,
     )
     return figure
 
@@ -128,9 +119,10 @@ def _stack(places: Sequence[tuple[float, float]], below: float) -> tuple[Figure,
 def _curve(
     curve: Axes, choices: Axes, claim: Claim, samples: Robustness, parameter_file: Numbers
 ) -> None:
-    k = deciding_check(claim, samples)
-    check = claim.checks[k]
-    outcomes, deciding = samples.outcomes(claim), deciding_numbers(claim, samples)
+    drawn = [trial.numbers for trial in samples.trials]
+    deciding = [deciding_of(claim, None if one is None else nested(one)) for one in drawn]
+    k = deciding_check(claim, deciding)
+    check, outcomes = claim.checks[k], samples.outcomes(claim)
     order = sorted(
         (number for number, present in enumerate(deciding) if present),
         key=lambda number: _last_if_none(deciding[number][k]),
@@ -156,7 +148,7 @@ def _curve(
     lost = samples.samples - len(order)
     noted = f" ({lost} diverged or were refused)" if lost else ""
     curve.set_title(
-        f"{_spoken(claim)}: held in {_held(claim, samples)} of {samples.samples} samples{noted}"
+        f"{_plain(claim.name)}: held in {_held(claim, samples)} of {samples.samples} samples{noted}"
     )
     curve.set_ylabel("\n".join(textwrap.wrap(_spelled(check), 26)), fontsize=_SMALL)
     curve.legend(fontsize=_SMALL, ncols=3, loc="best")
@@ -179,22 +171,13 @@ def _curve(
     choices.grid(visible=False)
 
 
-def deciding_check(claim: Claim, robustness: Robustness) -> int:
+def deciding_check(claim: Claim, numbers: Sequence[tuple[float, ...]]) -> int:
     """The check that fails in most samples, the first of those that fail as often."""
-    drawn = [numbers for numbers in deciding_numbers(claim, robustness) if numbers]
     fails = [
-        sum(not check.satisfied_by(numbers[k]) for numbers in drawn)
+        sum(not check.satisfied_by(row[k]) for row in numbers if row)
         for k, check in enumerate(claim.checks)
     ]
     return fails.index(max(fails))
-
-
-def deciding_numbers(claim: Claim, robustness: Robustness) -> list[tuple[float, ...]]:
-    """The numbers that decide the checks, none for a sample that diverged or was refused."""
-    return [
-        deciding_of(claim, None if trial.numbers is None else nested(trial.numbers))
-        for trial in robustness.trials
-    ]
 
 
 def _held(claim: Claim, samples: Robustness) -> int:
@@ -225,15 +208,16 @@ def _last_if_none(number: float) -> float:
 
 def _in_range(values: Sequence[Any]) -> list[float]:
     """Places of values in order, from 0 to 1."""
-    _, places = np.unique(as_places(values), return_inverse=True)
+    ordered = values if are_numbers(values) else list(map(repr, values))
+    _, places = np.unique(ordered, return_inverse=True)
     shades: list[float] = (places / max(*places, 1)).tolist()
     return shades
 
 
 def short_labels(claim: Claim, names: Sequence[str]) -> list[str]:
     """Choices in words, with what they belong to where a claim has several of the same name."""
-    words = [claim.label(name).words for name in claim.labels]
-    labels = map(claim.label, names)
+    labels = list(map(claim.label, names))
+    words = [label.words for label in labels]
     return [str(label) if words.count(label.words) > 1 else label.words for label in labels]
 
 
@@ -246,10 +230,6 @@ def _spelled(check: Check) -> str:
     other = check.other[0]
     how = "over" if check.how == "over" else "less"
     return _plain(f"{name} {how} that of {other.observer}")
-
-
-def _spoken(claim: Claim) -> str:
-    return _plain(claim.name)
 
 
 def _plain(text: str) -> str:

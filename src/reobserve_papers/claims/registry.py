@@ -209,10 +209,7 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
         words = labels(
             parameters, [one for each in asked.values() for one in each], stated.excluded
         )
-    claims[:] = [
-        replace(claim, wanted=wanted[claim.name], labels={k: words[k] for k in claim.knob_names})
-        for claim in claims
-    ]
+    claims[:] = [replace(claim, wanted=wanted[claim.name], labels=words) for claim in claims]
     return registry
 
 

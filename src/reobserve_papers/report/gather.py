@@ -49,7 +49,7 @@ _TASK_TABLE = "results/bench/{}/table.csv"
 _PLOTS = {
     "alternatives": "Verdicts on main claims and the title over all alternatives, each alone",
     "specification": "Main claims over all samples in order, their bounds, and the choices sampled",
-    "sensitivity": "Which choices decide the claims that turn over",
+    "sensitivity": "Which choices separate the outcomes of claims",
 }
 
 # How the source of a figure begins that no paper has.

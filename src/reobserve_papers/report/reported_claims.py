@@ -6,22 +6,11 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from reobserve_papers.claims.verdict_rules import (
-    BROKEN,
-    CALIBRATED,
-    CONTRADICTED,
-    DEPENDS,
-    NOT_TESTABLE,
-    REPRODUCED,
-    UNDECIDED,
-)
+from reobserve_papers.claims.verdict_rules import BROKEN, VERDICTS
 from reobserve_papers.report.report_gaps import Gap
 
 # The sign before a verdict, in the report and on the site: none depends on its colour.
-SIGNS = {
-    REPRODUCED: "●", CALIBRATED: "◆", DEPENDS: "◐", CONTRADICTED: "✕", UNDECIDED: "?",
-    NOT_TESTABLE: "–", BROKEN: "△",
-}  # fmt: skip
+SIGNS = dict(zip((*VERDICTS, BROKEN), "●◆◐✕?–△", strict=True))
 
 _DRAWN = ("samples", "held", "share", "low", "high")
 

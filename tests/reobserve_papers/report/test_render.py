@@ -61,7 +61,7 @@ def test_page_contains_everything(project: Path, capsys: pytest.CaptureFixture[s
         "Held in 30 of 40 samples: 75\xa0%, confidence interval 60 to 86\xa0%.",
         "The bound was set after its numbers were known.",
         "late_rms_error / fig1 slow late_rms_error below any number.",
-        "1 of 1 are certain:", "Which choices decide the claims that turn over", "undecided",
+        "1 of 1 are certain:", "Which choices separate the outcomes of claims", "undecided",
         "[Re?], 1 of 2 main claims reproduced, 0 contradicted.",
         "[¬Re]: A tenth is <less>. <code>placed_is_better</code> is then contradicted (1 of 40, "
         "30 of 40 as stated).", "4 are ties; the opposite holds in 3.",
