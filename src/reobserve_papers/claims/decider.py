@@ -15,9 +15,10 @@ from reobserve.core.errors import InputError, located
 from reobserve_papers.claims.checks import Numbers
 from reobserve_papers.claims.conventions import Conventions, SingleAlternative
 from reobserve_papers.claims.inquiry import Robustness, counted
+from reobserve_papers.claims.labels import spelt
 from reobserve_papers.claims.outcomes import Outcome, Sample, outcome, taken
 from reobserve_papers.claims.registry import Claim, Registry
-from reobserve_papers.claims.restrictions import Keep, kept_by, narrower, spelt
+from reobserve_papers.claims.restrictions import Keep, kept_by, narrower
 from reobserve_papers.claims.title import (
     CLAIMS,
     INTERVAL,

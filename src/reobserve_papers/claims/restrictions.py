@@ -9,7 +9,7 @@ from typing import Any
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve_papers.claims.choices import Knob
 from reobserve_papers.claims.conventions import SingleAlternative
-from reobserve_papers.claims.labels import spelt as spelt  # noqa: PLC0414
+from reobserve_papers.claims.labels import spelt
 from reobserve_papers.claims.registry import Claim, Registry
 from reobserve_papers.parameters.config import refuse_unknown
 from reobserve_papers.signals.random_streams import random_stream
@@ -44,13 +44,14 @@ def narrower(claim: Claim) -> Iterator[tuple[str, str, Keep]]:
     Each is a name, a sentence and the test of a sample.
     """
     for knob in _knobs(claim):
+        label = claim.label(knob.name)
         for word in knob.words:
-            said = f"Without `{spelt(word)}` for `{knob.name}`."
+            said = f"Without {label.readings.get(spelt(word), word)} as {label}."
             yield f"{claim.name}: {knob.name} not {spelt(word)}", said, _not(knob, word)
         if not knob.words:
-            for label, upper in (("lower", False), ("upper", True)):
-                said = f"With the {label} half of the range of `{knob.name}`."
-                yield f"{claim.name}: {knob.name}, {label} half", said, _half(knob, upper)
+            for half, upper in (("lower", False), ("upper", True)):
+                said = f"With the {half} half of the range of {label}."
+                yield f"{claim.name}: {knob.name}, {half} half", said, _half(knob, upper)
 
 
 def _about(registry: Registry, single: SingleAlternative) -> list[Claim]:
