@@ -17,6 +17,7 @@ from docs.outputs import PAGES, ROOT, by_hand
 from reobserve.core.errors import InputError
 from reobserve_papers.claims.registry import read_claims
 from reobserve_papers.golden.golden_claims import read_golden
+from reobserve_papers.report.reported_claims import SIGNS
 from tests import FIVE, published_numbers
 from tests.test_project import LAYERS
 
@@ -55,7 +56,7 @@ def test_table_in_findings_has_each_claim_in_full(paper: str) -> None:
         is_main = bool(claim.promised) and verdict != "not testable"
         stated = " ".join(claim.statement.split()) + " **Main claim.**" * is_main
         assert re.sub("</?code>|`", "", statement) == stated.replace("`", "")
-        assert f">**{verdict}**<" in shown
+        assert f">{SIGNS[verdict]}</span> **{verdict}**<" in shown
 
 
 def test_share_of_samples_is_that_of_the_cached_ones() -> None:

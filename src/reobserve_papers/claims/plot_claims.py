@@ -78,7 +78,8 @@ def sensitivity_bars(
         row += len(said) + _GAP
         axes.text(
             -_LEFT / (0.98 * WIDTH - _LEFT) + 0.01, row - 0.7, "\n".join(said), fontsize=7,
-            transform=axes.get_yaxis_transform(), va="bottom", backgroundcolor="white",
+            transform=axes.get_yaxis_transform(), va="bottom",
+            bbox={"facecolor": "white", "linewidth": 0, "pad": 0.5},
         )  # fmt: skip
         labels += short_labels(claim, [name for name, _ in bars])
         for name, split in bars:

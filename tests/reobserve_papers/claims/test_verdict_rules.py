@@ -364,6 +364,19 @@ def test_table_reports_a_setting_of_what_is_calibrated_or_contradicted() -> None
         assert (found["verdict"], found["setting"]) == (word, f"{GAIN} 0")
 
 
+def test_table_says_what_separates_the_outcomes_of_what_depends() -> None:
+    samples = drawn(40, 80)
+    found = row(SAMPLED, judged(SAMPLED, 2.0, samples), stated(2.0), samples)
+    assert (found["verdict"], found["choice"]) == (DEPENDS, GAIN)
+    assert 0.8 < float(found["explained"]) <= 1
+    said = rf"holds with {GAIN} up to [\d.]+ in \d+ of \d+ samples, above it in \d+ of \d+"
+    assert re.fullmatch(said, found["separation"])
+    assert found["share"] == "0.5"
+    for held, one in ((80, SAMPLED), (1, CAN)):
+        found = row(one, judged(one, 0.5, drawn(held, 80)), stated(0.5), drawn(held, 80))
+        assert not {"choice", "explained", "separation"} & set(found)
+
+
 def test_table_counts_ties_and_the_null() -> None:
     """Of 40 samples 24 hold, 8 are tied, 7 opposed and one is lost; the null always holds."""
     a, b = Reference("fig1", "a", "error"), Reference("fig1", "b", "error")

@@ -11,9 +11,11 @@ from pathlib import Path
 import pytest
 
 from reobserve.core.errors import InputError
+from reobserve_papers.claims.verdict_rules import DEPENDS, REPRODUCED
 from reobserve_papers.report import report_command
 from reobserve_papers.report.gather import gather
 from reobserve_papers.report.render import alike, parts, render
+from reobserve_papers.report.reported_claims import SIGNS
 
 from .project import BROKEN, CLAIMS, write_claims
 
@@ -71,6 +73,9 @@ def test_page_contains_everything(project: Path, capsys: pytest.CaptureFixture[s
         "Alternatives that change it",
         "less: any; placed_is_better: gains, lower half; and 1 more",
         "A setting at which it holds: the parameter file.",
+        '<td class="held">holds with gains (observer slow) above 2 in 9 of 9, up to it in 2<',
+        "<p>Holds with gains (observer slow) above 2 in 9 of 9, up to it in 2, in the half of",
+        *(f'aria-hidden="true">{SIGNS[word]}</span>{word}<' for word in (REPRODUCED, DEPENDS)),
         "There is no laboratory here.", "The gains of one observer are not given.",
         "0.5 to 5 each", "l₂ = 15.9", "It is the square of the pole, which is 4.",
         "slow poles, late: 390 mrad/s, ours 400 mrad/s", "none: a photograph", "numpy",
