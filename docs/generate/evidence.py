@@ -109,12 +109,7 @@ class Paper:
         accepted = self.accepted[claim.name]["verdict"]
         decider = self.decider
         drawn = decider.samples.get(claim.name)
-        changes = "; ".join(
-            row["alternative"]
-            for row in self.alternatives
-            if row["claim"] == claim.name and row["other"] not in ("", row["verdict"])
-        )
-        found = row(claim, decider, decider.numbers, drawn, changes)
+        found = row(claim, decider, decider.numbers, drawn)
         cells = {key: str(value) for key, value in found.items()}
         if cells["verdict"] != accepted:
             problem = (

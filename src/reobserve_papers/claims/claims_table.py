@@ -18,7 +18,7 @@ HEADER = (
     "paper", "claim", "promised", "quantifier", "place", "statement", "verdict", "holds",
     "measured", "why", "threshold", "margin", "figures", "depends_on", "samples", "held", "tied",
     "opposed", "share", "low", "high", "null", "choice",
-    "explained", "separation", "setting", "changes", "problem",
+    "explained", "separation", "setting", "problem",
 )  # fmt: skip
 
 
@@ -31,7 +31,7 @@ KINDS = {
 
 
 def row(
-    claim: Claim, decider: Decider, numbers: Numbers, samples: Robustness | None, changes: str = ""
+    claim: Claim, decider: Decider, numbers: Numbers, samples: Robustness | None
 ) -> dict[str, Any]:
     """The row of a claim, which is broken if it names a number that nobody has."""
     cells: dict[str, Any] = {
@@ -72,7 +72,6 @@ def row(
         "holds": "yes" if decider.holds(claim) else "no",
         "measured": measured,
         "margin": format_margins(margins(claim, sampled, counted.whole, share)),
-        "changes": changes,
     }
     if word in (CALIBRATED, CONTRADICTED) and (setting := decider.setting(claim)):
         cells["setting"] = setting

@@ -56,7 +56,6 @@ class ReportedClaim:
     choice: str
     separation: str
     setting: str
-    changes: tuple[str, ...]
     robustness: ReportedRobustness | None
     problem: Gap | None
 
@@ -95,7 +94,6 @@ def claim_of_row(
         measured=tuple(filter(None, re.split(r"; (?=(?:fig\w+|theory) )", row["measured"]))),
         figures=tuple(row["figures"].split()),
         depends_on=tuple(row["depends_on"].split()),
-        changes=tuple(filter(None, row["changes"].split("; "))),
         robustness=_robustness(row, cached),
         problem=problem,
         **texts,

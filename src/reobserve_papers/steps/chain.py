@@ -33,7 +33,7 @@ EVIDENCE = {
     "robustness": ("study", "sample"),
     "alternatives": ("metrics", "robustness"),
     "sensitivity": ("metrics", "robustness", "alternatives"),
-    "claims": ("metrics", "robustness", "alternatives"),
+    "claims": ("metrics", "robustness"),
     "verdicts": ("claims", "alternatives"),
 }
 

@@ -61,7 +61,6 @@ CLAIMS = [
         "fig1 slow late_rms_error = 0.4, must be below 1",
         "depends_on": "observers.slow.gains", **_DRAWN, "threshold": "after",
         "margin": "fig1 placed late_rms_error / fig1 slow late_rms_error below any number",
-        "changes": "less: <a tenth>; less: any; placed_is_better: gains, lower half; share: two",
         "null": 0.025, "choice": "observers.slow.gains", "explained": "0.5",
         "separation": "holds with gains (observer slow) above 2 in 9 of 9, up to it in 2",
     },

@@ -10,7 +10,6 @@ from reobserve.core.errors import InputError
 from reobserve.core.files import write_table
 from reobserve_papers.claims.claims_table import HEADER, broken_row, row
 from reobserve_papers.claims.registry import amiss
-from reobserve_papers.claims.title import read_alternatives
 from reobserve_papers.cli.stages.alternatives import decider_of
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.chain import project_of, result
@@ -41,14 +40,8 @@ def _rows(project: Path, parameters: Parameters) -> list[dict[str, Any]]:
     paper = parameters.paper
     decider = decider_of(project, parameters)
     claims = decider.registry.claims
-    _, changes = read_alternatives(project / result(paper, "alternatives"))
     rows = [
-        row(
-            claim, decider, decider.numbers, decider.samples.get(claim.name),
-            "; ".join(change["alternative"] for change in changes if change["claim"] == claim.name
-                      and change["other"] != change["verdict"]),
-        )
-        for claim in claims
-    ]  # fmt: skip
+        row(claim, decider, decider.numbers, decider.samples.get(claim.name)) for claim in claims
+    ]
     problem = "; ".join(amiss(claims))
     return [*rows, *([broken_row(paper, problem)] if problem else [])]
