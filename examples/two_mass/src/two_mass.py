@@ -123,6 +123,7 @@ def estimate(job: Job, record: Series) -> Series:
 
 
 MEANINGS = {"rms_error": "root mean square error of x2 once it has settled"}
+SUBJECTS: dict[str, str] = {}  # what else than observers metrics are of, by layout of a figure
 
 
 def measure(data: FigureData[Job]) -> Iterator[Metric]:

@@ -61,7 +61,19 @@ class CommandTable:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line, however long the argument is."""
+    """A parser that takes options anywhere, and whose errors are one line."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse a line, of a command with options between its arguments."""
+        if self._subparsers is not None or self._inner:
+            return super().parse_known_args(args, namespace)
+        self._inner = True  # it calls this function for options, and again for the rest
+        try:
+            return self.parse_known_intermixed_args(args, namespace)
+        finally:
+            self._inner = False
+
+    _inner = False
 
     def error(self, message: str) -> NoReturn:
         """Print the usage and what is wrong, and exit with 2."""

@@ -34,7 +34,7 @@ from reobserve_papers.parameters.config import refuse_unknown
 from reobserve_papers.parameters.names import claims_path
 from reobserve_papers.parameters.parameter_file import parse_file, read_part
 from reobserve_papers.parameters.parameters import Parameters
-from reobserve_papers.steps.glossary import Glossary, glossary
+from reobserve_papers.steps.glossary import Glossary, check_subject, glossary
 
 
 @dataclass(frozen=True)
@@ -295,11 +295,16 @@ def _claim(
     checks = []
     for index, one in enumerate(entry.checks or ()):
         with located(f"checks.{index}"):
-            checks.append(Check.parse(one.model_dump(exclude_none=True)))
-            check_names(parameters, checks[-1].references, known)
+            checks.append(check := Check.parse(one.model_dump(exclude_none=True)))
+            for key, references in (("value", check.value), (check.how, check.other)):
+                with located(key):
+                    check_names(parameters, references, known)
     if entry.null:
         observers = {one.observer for check in checks for one in check.references}
         refuse_unknown("null", entry.null, observers)
+        for check in checks:
+            with located("null"):
+                check_names(parameters, check.of_others(entry.null).references, known)
     return Claim(
         parameters.paper,
         name,
@@ -321,14 +326,16 @@ def _claim(
 
 
 def check_names(parameters: Parameters, references: Iterable[Reference], known: Glossary) -> None:
-    """Refuse a figure that is not there, and a metric that the paper's code does not know."""
+    """Refuse a figure that is not there, and what the paper's code does not compute of it."""
     figures = [*parameters.tree["figures"], *([THEORY] if THEORY in parameters.tree else [])]
     for reference in references:
         refuse_unknown("figure", [reference.figure], figures)
-        if known and not any(pattern.fullmatch(reference.metric) for pattern, _ in known):
-            names = [pattern.pattern.replace("\\", "") for pattern, _ in known]
+        if known and not any(fits.fullmatch(reference.metric) for fits, _ in known):
+            names = [fits.pattern.replace("\\", "") for fits, _ in known]
             problem = f"there is no {shown(reference.metric)}{nearest(reference.metric, names)}"
             raise InputError("metric", problem)
+        if known:
+            check_subject(parameters, reference.figure, reference.observer)
 
 
 def _choices(

@@ -15,6 +15,7 @@ the others up to date:
     metrics.measure(data) -> Metrics
                                      (see `reobserve_papers.parameters.figure_data`)
     metrics.MEANINGS: what each metric is, in words   (see `reobserve_papers.steps.glossary`)
+    metrics.SUBJECTS: what else than observers it is of                  (see there)
     plot.LAYOUTS: what draws a figure, by its layout: draw(data) -> matplotlib Figure
     search.run(job, plant, progress) -> dict     (only papers that have searches)
     keys.Parameters                               (the keys of the parameter file, as dataclasses)

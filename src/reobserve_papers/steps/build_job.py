@@ -45,7 +45,7 @@ def run(step: str, parameter_file: Path, **named: str) -> None:
         data = figure_data(parameters, settings, plant, estimates, rows)
         with rows_from(study_file(parameters, project, inputs)):
             results: Any = measure(parameters, data)
-        check_explained(parameters.package, results)
+        check_explained(parameters, name, results)
     else:
         results = run_step(parameters, step, name, [*inputs.values()], _say)
     match step:

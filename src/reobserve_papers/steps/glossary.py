@@ -1,7 +1,9 @@
 """Glossaries of metrics, as papers state them beside the code, and lists of them.
 
 A paper's module ``metrics`` has ``MEANINGS``: what each metric is by its name, in which ``<word>``
-stands for what differs. What its docstring says after the first sentence introduces them.
+stands for what differs. What its docstring says after the first sentence introduces them. It may
+also have ``SUBJECTS``: by layout of a figure, or for the theory, what numbers are of beside
+observers, words in which ``<word>`` means the same.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from reobserve.core.errors import InputError
+from reobserve.core.errors import InputError, nearest, shown
 from reobserve_papers.metrics.metrics import Metric
 from reobserve_papers.parameters.config import known_papers, named_papers
 from reobserve_papers.parameters.names import paper_part
@@ -38,13 +40,28 @@ def pattern(name: str) -> re.Pattern[str]:
     return re.compile("".join(".+" if part[:1] == "<" else re.escape(part) for part in parts))
 
 
-def check_explained(package: str, metrics: Iterable[Metric]) -> None:
-    """Refuse metrics of a paper that no entry of its ``MEANINGS`` explains."""
-    known = glossary(package)
+def check_explained(parameters: Parameters, figure: str, metrics: Iterable[Metric]) -> None:
+    """Refuse metrics of a figure that ``MEANINGS`` and ``SUBJECTS`` of its paper do not explain."""
+    known = glossary(parameters.package)
     for metric in metrics:
         if not any(fits.fullmatch(metric.metric) for fits, _ in known):
-            problem = f"has no entry in MEANINGS of {paper_part(package, 'metrics')}"
+            problem = f"has no entry in MEANINGS of {paper_part(parameters.package, 'metrics')}"
             raise InputError(f"metric {metric.metric!r}", problem)
+        check_subject(parameters, figure, metric.observer)
+
+
+def check_subject(parameters: Parameters, figure: str, name: str) -> None:
+    """Refuse what no number of a figure, or of the theory, is of, where a paper states these."""
+    stated = getattr(paper_module(parameters.package, "metrics"), "SUBJECTS", None)
+    if stated is None:
+        return
+    tree = parameters.tree
+    body = tree["figures"].get(figure, {"observers": tree["observers"]})  # or the theory
+    study = tree["studies"][body["study"]] if "study" in body else {}
+    others = stated.get(body.get("layout", figure), "").split()
+    known = [*body.get("observers", ()), *study.get("observers", ()), *others]
+    if not any(pattern(one).fullmatch(name) for one in known):
+        raise InputError("observer", f"{figure} has no {shown(name)}{nearest(name, known)}")
 
 
 def list_metrics(packages: Mapping[str, str]) -> str:

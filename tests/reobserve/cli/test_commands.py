@@ -8,6 +8,7 @@ import pytest
 
 from reobserve.cli.main import COMMANDS, PROGRAM, command_parser
 from tests.reobserve.core.commands import (
+    check_any_order,
     check_arguments,
     check_help,
     check_only_the_typed_is_built,
@@ -21,6 +22,11 @@ ALL = list(commands(command_parser()))
 @pytest.mark.parametrize("parser", ALL, ids=lambda parser: parser.prog)
 def test_command_passes_the_arguments_of_its_function(parser: argparse.ArgumentParser) -> None:
     check_arguments(parser)
+
+
+@pytest.mark.parametrize("parser", ALL, ids=lambda parser: parser.prog)
+def test_options_may_stand_anywhere(parser: argparse.ArgumentParser) -> None:
+    check_any_order(parser)
 
 
 def test_help_fits_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import importlib
 import inspect
+import random
 from collections.abc import Iterator
+from itertools import chain
 
 import pytest
 
@@ -35,6 +37,31 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
     options = {one.dest for one in parser._actions} - {"help", "version"}
     options |= parser._defaults.keys() - {"run", "extra"}
     inspect.signature(function).bind(**dict.fromkeys(options))
+
+
+def check_any_order(parser: argparse.ArgumentParser) -> None:
+    """Check that options may stand between arguments, but for those that take all that follows."""
+    words, last = [], []
+    for one in parser._actions[1:]:
+        name, several = one.option_strings[-1:], one.nargs in ("+", "*")
+        value = [str(next(iter(one.choices or ["1"])))] * (one.nargs != 0)
+        value *= one.nargs if isinstance(one.nargs, int) and value else 2 if several else 1
+        if "tree" in getattr(one.type, "__qualname__", ""):
+            value = ["{}"]
+        if not name:
+            words += [[word] for word in value]
+        elif several:
+            last += [*name, *value]
+        else:
+            words.append([*name, *value])
+    wanted = vars(parser.parse_args([*chain(*words), *last]))
+    draw = random.Random(parser.prog)
+    for _ in range(8):
+        others = [word for word in words if word[0][0] == "-"]
+        line = [word for word in words if word[0][0] != "-"]
+        for option in others:
+            line.insert(draw.randint(0, len(line)), option)
+        assert vars(parser.parse_args([*chain(*line), *last])) == wanted
 
 
 def check_help(program: str, table: CommandTable, monkeypatch: pytest.MonkeyPatch) -> None:

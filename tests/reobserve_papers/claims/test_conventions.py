@@ -190,7 +190,8 @@ CLAIM = {"it": {"checks": [{"value": PLAIN, "above": "$less"}], "depends_on": [G
         (
             {"less": LESS},
             {"mine": {"claims": {"it": {"checks.0.value": "fig1 sampled rms_eror"}}}},
-            "alternatives.mine.checks.0.metric: there is no 'rms_eror'; did you mean 'rms_error'?",
+            "alternatives.mine.checks.0.value.metric: there is no 'rms_eror'; did you mean "
+            "'rms_error'?",
         ),
         (
             {"less": LESS},

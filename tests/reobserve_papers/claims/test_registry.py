@@ -60,7 +60,7 @@ def test_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
     [
         (
             {"checks": [{"value": "fig1_ sampled rms_error", "below": 1}]},
-            "claims.ilo.one.checks.0.figure: there is no 'fig1_'; did you mean 'fig1'?",
+            "claims.ilo.one.checks.0.value.figure: there is no 'fig1_'; did you mean 'fig1'?",
         ),
         (
             {"depends_on": ["observers.sampled.K9"]},
@@ -73,7 +73,8 @@ def test_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
         ),
         (
             {"checks": [{"value": "fig1 sampled rms_eror", "below": 1}]},
-            "claims.ilo.one.checks.0.metric: there is no 'rms_eror'; did you mean 'rms_error'?",
+            "claims.ilo.one.checks.0.value.metric: there is no 'rms_eror'; did you mean "
+            "'rms_error'?",
         ),
         ({"statment": "x"}, "claims.ilo.one.statment: unknown key; did you mean 'statement'?"),
         (

@@ -27,7 +27,10 @@ NAMED = {
     ],
     "claims": [
         ("value: ", "fig1"),
+        ("value: fig1 ", "kalman"),
         ("value: fig1 kalman ", "rms_error"),
+        ("over: fig1 ", "placed"),
+        ("over: fig1 placed ", "rms_error"),
         ("below: $", "majority"),
         ("depends_on: [", "tuning"),
         ("depends_on: [tuning, ", "observers.placed.pole"),
@@ -36,6 +39,7 @@ NAMED = {
         ("errata: [", "sign_of_damping"),
         ("departs: {", "samples"),
         ('"null": {', "kalman"),
+        ('"null": {kalman: ', "placed"),
         ("ours: [", "fig1"),
     ],
     "errata": [("settles: ", "plant.damping")],

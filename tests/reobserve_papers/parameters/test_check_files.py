@@ -19,7 +19,7 @@ FAULTS = {
     ),
     "a metric": (
         "claims/ilo.yaml", "distance_from_integrator", "distance_from_integrators",
-        "claims.ilo.learning_is_no_integrator.checks.0.metric: there is no 'distance_from_integr",
+        "claims.ilo.learning_is_no_integrator.checks.0.value.metric: there is no 'distance_from_in",
     ),
     "a parameter": (
         "claims/ilo.yaml", "- observers.sampled.K1\n", "- observers.sampled.K3\n",

@@ -180,11 +180,11 @@ STATEMENT, VALUE, KEY = "A number that nobody has.", "fig1 slow late_rms_error",
     [
         (
             STATEMENT, "fig1 slow late_error", KEY,
-            "checks.0.metric: there is no 'late_error'; did you mean 'late_rms_error'?",
+            "checks.0.value.metric: there is no 'late_error'; did you mean 'late_rms_error'?",
         ),
         (
             STATEMENT, "fig3 slow late_rms_error", KEY,
-            "checks.0.figure: there is no 'fig3'; did you mean 'fig1'?",
+            "checks.0.value.figure: there is no 'fig3'; did you mean 'fig1'?",
         ),
         (
             STATEMENT, VALUE, "observers.slow.gain",

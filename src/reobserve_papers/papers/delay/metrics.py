@@ -42,6 +42,17 @@ from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.signals.grid import stride
 from reobserve_papers.signals.series import Channel, Series
 
+# By layout of a figure: what its numbers are of, beside observers.
+SUBJECTS = {
+    "states": "guess plant",
+    "comparison": "guess",
+    "tradeoff": "guess",
+    "theory": (
+        "guess delay mean_delay levant order_<order> pendulum projection ramp sine starts "
+        "state_gain"
+    ),
+}
+
 # The meaning of each metric, those of the theory included; `<word>` stands for what differs.
 MEANINGS = {
     "turned_over_at": "time at which the pendulum first exceeds half a turn",

@@ -31,6 +31,16 @@ from reobserve_papers.signals.series import Series
 
 _CHOSEN = ("filter_rate", "choice", "level")  # columns that identify a design of a kind
 
+# By layout of a figure: what its numbers are of, beside observers.
+SUBJECTS = {
+    "actuator": "plant random",
+    "sensor": "plant random",
+    "designs": "plant pi_<solution> pd_pi_<solution>",
+    "theory": (
+        "controller fault look_alike motor motor_as_printed noise one_output random two_outputs"
+    ),
+}
+
 # The meaning of each number, including those of the theory; `<word>` is a placeholder.
 MEANINGS = {
     "rms_<fault>_error_constant": "root mean square error of a fault where it is constant",

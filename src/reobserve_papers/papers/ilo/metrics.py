@@ -28,6 +28,13 @@ from reobserve_papers.papers.ilo.body import known_body
 from reobserve_papers.papers.ilo.scoring import NORMS, Errors, scored_errors
 from reobserve_papers.parameters.figure_data import FigureData
 
+# By layout of a figure: what its numbers are of, beside observers.
+SUBJECTS = {
+    "estimation": "learning mean zero",
+    "matching": "learning mean zero ilo integral proportional_integral",
+    "theory": "assumption_2 best identity integral learning lemma_1 stuck theorem_1 zero",
+}
+
 # The meaning of each number, including those of the theory; `<word>` is a placeholder.
 MEANINGS = {
     "rms_error": "root mean square of e",

@@ -32,6 +32,16 @@ from reobserve_papers.parameters.figure_data import FigureData
 
 Array = NDArray[np.float64]
 
+# By layout of a figure: what its numbers are of, beside observers.
+SUBJECTS = {
+    "normal": "guess",
+    "leakage": "guess",
+    "switching": "random_gain_<bank>",
+    "neighbourhood": "leave process_noise_<number> measurement_noise_<number> search",
+    "changes": "all",
+    "theory": "measurement model random_gain",
+}
+
 # What each number is, those of the theory included; `<word>` stands for what differs.
 MEANINGS = {
     "normal_before": "mean probability of the normal mode before the fault",

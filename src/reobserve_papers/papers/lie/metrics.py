@@ -25,6 +25,20 @@ from reobserve_papers.papers.lie.scoring import (
 )
 from reobserve_papers.parameters.figure_data import FigureData
 
+# By layout of a figure: what its numbers are of, beside observers.
+SUBJECTS = {
+    "errors": "copy cycle",
+    "forms": "copy cycle",
+    "orders": "composed copy cycle jacobian series",
+    "ensemble": "jacobian series transformed",
+    "injections": "cubic",
+    "domain": "S T cycle plant",
+    "theory": (
+        "ad brute_force copy identity lie linear nonlinear nonresonant over_copy random "
+        "remark_3_7 remark_4_19 siegel transformed unobservable"
+    ),
+}
+
 # What each number is, those of the theory included; `<word>` stands for what differs.
 MEANINGS = {
     "ise": "integral of |e|^2 over time",

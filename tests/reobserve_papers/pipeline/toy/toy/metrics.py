@@ -8,6 +8,7 @@ MEANINGS = {
     "late_rms_error factor=<factor>": "the same with the gains of the design times a factor",
     "discriminant": "of the characteristic polynomial; zero of a double pole",
 }
+SUBJECTS = {"theory": "gains"}
 
 
 def late_error(job, plant, estimate):
