@@ -74,7 +74,7 @@ def moved_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--again", type=Path, required=True, help="the folder of settings tuned again"
     )
-    add_output(command, "the ratios of errors, CSV")
+    add_output(command, "the ratios of errors, CSV", b"method,condition,ratio")
 
 
 def plot_options(command: argparse.ArgumentParser) -> None:
@@ -109,7 +109,7 @@ def table_options(command: argparse.ArgumentParser) -> None:
             f"--{name}", type=Path, default=Path(default), metavar="DIR",
             help=f"{text} (default: {default})",
         )  # fmt: skip
-    add_output(command, "the table, Markdown")
+    add_output(command, "the table, Markdown", b"### ")
 
 
 def _tuned(command: argparse.ArgumentParser) -> None:

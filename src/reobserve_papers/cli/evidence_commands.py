@@ -44,7 +44,7 @@ def report_options(command: argparse.ArgumentParser) -> None:
         "--fresh", action="store_true",
         help="do not ask Snakemake what is up to date: all is",
     )  # fmt: skip
-    add_output(command, "the page, HTML")
+    add_output(command, "the page, HTML", b"<!doctype html>")
     add_project(command)
 
 

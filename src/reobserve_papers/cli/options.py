@@ -14,9 +14,10 @@ _READ = ("task_file", "source", "tuned", "cached", "again", "table")  # files an
 FORMATS = ("pdf", "svg", "png", "eps", "pgf")  # of figures
 
 
-def add_output(command: argparse.ArgumentParser, text: str) -> None:
-    """Ask for the one file that it writes."""
+def add_output(command: argparse.ArgumentParser, text: str, *begins: bytes) -> None:
+    """Ask for the one file that it writes, and that begins with one of these."""
     command.add_argument("--output", type=Path, required=True, metavar="FILE", help=text)
+    command.set_defaults(begins=begins)
 
 
 def add_project(command: argparse.ArgumentParser) -> None:

@@ -38,7 +38,7 @@ def latex_options(command: argparse.ArgumentParser) -> None:
         "--digits", type=whole(1, 17), metavar="N",
         help="significant digits of numbers (default: 3 for metrics; other tables as they are)",
     )  # fmt: skip
-    add_output(command, "a .tex file to be included by \\input")
+    add_output(command, "a .tex file to be included by \\input", rb"\begin{tabular}", rb"\caption[")
 
 
 def new_options(command: argparse.ArgumentParser) -> None:

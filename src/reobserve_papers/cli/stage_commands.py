@@ -60,7 +60,7 @@ def parameters_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--seed", type=whole(0), help="root of the random streams (default: that of the config)"
     )
-    add_output(command, "the parameters, JSON")
+    add_output(command, "the parameters, JSON", b'{\n "paper"')
     add_project(command)
 
 
@@ -106,7 +106,7 @@ verdicts_options = claims_options
 def archive_options(command: argparse.ArgumentParser) -> None:
     """Add the options of `archive`."""
     command.add_argument("products", nargs="+", help="files in results, made by a build")
-    add_output(command, "the crate, .zip")
+    add_output(command, "the crate, .zip", b"PK")
     add_project(command)
 
 

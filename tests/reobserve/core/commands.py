@@ -35,7 +35,7 @@ def check_arguments(parser: argparse.ArgumentParser) -> None:
     module, name = parser.get_default("run").split(":")
     function = getattr(importlib.import_module(module), name)
     options = {one.dest for one in parser._actions} - {"help", "version"}
-    options |= parser._defaults.keys() - {"run", "extra"}
+    options |= parser._defaults.keys() - {"run", "extra", "begins"}
     inspect.signature(function).bind(**dict.fromkeys(options))
 
 
