@@ -52,9 +52,12 @@ def _check_path(path: object) -> None:
 
 
 def read_text(path: str | Path, most: int = MOST_BYTES) -> str:
-    """The UTF-8 text of a file, or `InputError` as `read_bytes` or if it is not UTF-8."""
+    """The UTF-8 text of a file, or `InputError` as `read_bytes` or if it is not UTF-8.
+
+    A byte order mark, which no reader would see, is left out.
+    """
     try:
-        return read_bytes(path, most).decode("utf-8")
+        return read_bytes(path, most).decode("utf-8").removeprefix("\ufeff")
     except UnicodeDecodeError as error:
         raise InputError(
             str(path), f"cannot be read (byte {error.start + 1} is not UTF-8)"

@@ -14,7 +14,7 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError, ReobserveError, nearest
 from reobserve_papers.figure_diff import pixels
 from reobserve_papers.golden import golden_bench, golden_claims
-from reobserve_papers.golden.comparison import Moved, compare_built
+from reobserve_papers.golden.comparison import Moved, compare_built, number_of
 from reobserve_papers.golden.number_files import golden_files
 from reobserve_papers.golden.values import part_names
 from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
@@ -89,7 +89,7 @@ class Item:
         """Sentence on the claims that must be sampled again, empty if there are none."""
         if not self.lacking:
             return ""
-        claims = f"{len(self.lacking)} claims lack" if self.lacking[1:] else "1 claim lacks"
+        claims = f"{number_of(self.lacking, 'claim')} lack{'s' * (len(self.lacking) == 1)}"
         return f"{claims} samples: `make samples PAPER={self.paper}` ({', '.join(self.lacking)})"
 
     @contextmanager

@@ -28,6 +28,7 @@ from reobserve_papers.golden.acceptance_rules import (
     check_reason,
     keep_reason,
 )
+from reobserve_papers.golden.comparison import number_of
 from reobserve_papers.golden.number_files import write_parameters
 from reobserve_papers.parameters.config import known_papers, known_tasks, named_papers
 from reobserve_papers.parameters.names import shared_texts
@@ -71,7 +72,8 @@ def figdiff_command(
     write_text(output / "summary.md", said + "\n")
     print(said)
     if failed or problems:
-        raise ReobserveError(f"{len(failed)} do not agree with what was accepted; see {page}")
+        do = "does" if len(failed) == 1 else "do"
+        raise ReobserveError(f"{len(failed)} {do} not agree with what was accepted; see {page}")
 
 
 def _of_papers(
@@ -119,7 +121,7 @@ def accept_command(
         copy_results(reference, results)
         print("\n".join(moved) or "nothing moved")
         if moved:
-            add_reason(reference / "REASONS.md", reason, f"{len(moved)} files moved")
+            add_reason(reference / "REASONS.md", reason, f"{number_of(moved, 'file')} moved")
         return
     check_may_accept(project, reason)
     known, results, moved = known_papers(project), project / results, []
@@ -148,7 +150,8 @@ def accept_command(
     for name in (*chosen, *(f"bench/{task}" for task in tasks)):
         redrawn += _renew_references(references, results, name)
     print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")
-    keep_reason(project, reason, f"{len(moved)} numbers and {len(redrawn)} figures moved")
+    said = f"{number_of(moved, 'number')} and {number_of(redrawn, 'figure')} moved"
+    keep_reason(project, reason, said)
 
 
 def _sample_again(project: Path, results: Path, papers: Sequence[str]) -> bool:

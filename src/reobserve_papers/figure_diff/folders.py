@@ -102,15 +102,18 @@ def _compare(accepted: Path, new: Path, name: str, tolerances: Tolerances) -> It
     allowed = tolerances.of(name)
     item = Item("", name, allowed=allowed.picture)
     with item.problem_noted():
-        for path, problem in ((accepted, "there is no accepted file"), (new, "it is missing")):
+        contents: list[Any] = []
+        picture = new.suffix.lower() == ".png"
+        for path, problem in ((new, "it is missing"), (accepted, "there is no accepted file")):
             if not path.is_file():
                 item.missing = True
                 raise InputError(str(path), problem)
-        if new.suffix.lower() == ".png":
+            contents.append(pixels.read_pixels(path) if picture else _numbers(path, allowed))
+        if picture:
             item.reference, item.new = accepted, new
             item.rms, item.note_rms = pixels.compare_images(accepted, new, name)
         else:
-            golden, built = (_numbers(path, allowed) for path in (accepted, new))
+            built, golden = contents
             item.moved = list(compare(golden, built, name))
     return item
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from reobserve_papers.figure_diff import pixels
 from reobserve_papers.figure_diff.build_comparison import Item
+from reobserve_papers.golden.comparison import number_of
 from reobserve_papers.report.content_security_policy import content_policy, inline
 
 _OF_PAPERS = "figures, tables, theories and papers' claims"
@@ -46,7 +47,7 @@ def counts(items: Sequence[Item]) -> str:
 def heading(items: Sequence[Item]) -> str:
     """The number of items, and what they are."""
     papers = any(item.paper for item in items)
-    return f"{len(items)} {_OF_PAPERS if papers else 'files'}"
+    return f"{len(items)} {_OF_PAPERS}" if papers else number_of(items, "file")
 
 
 def summary(items: Sequence[Item], problems: Sequence[str], context: Sequence[str] = ()) -> str:
@@ -72,8 +73,8 @@ def _said(item: Item) -> list[str]:
     drawn = [drawing(item)] if item.redrawn else []
     stale = [f"a build would make it again: {item.stale}"] if item.stale else []
     said = [*item.problems, *stale, *map(str, item.moved[:_MOST_MOVED]), *drawn]
-    more = len(item.moved) - _MOST_MOVED
-    said += [f"and {more} more numbers"] * (more > 0)
+    more = item.moved[_MOST_MOVED:]
+    said += [f"and {number_of(more, 'more number')}"] * bool(more)
     return [f"    - {row}" for row in said]
 
 

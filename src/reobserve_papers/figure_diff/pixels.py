@@ -39,7 +39,7 @@ _MAX_PIXELS = 20_000_000  # 80 megabytes; the largest figure has 1.6 million
 
 def read_pixels(path: Path) -> Pixels:
     """The image of a PNG on white paper, shape (rows, columns, 3)."""
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     content = io.BytesIO(read_bytes(path))
     try:
@@ -52,6 +52,8 @@ def read_pixels(path: Path) -> Pixels:
             if image.mode.startswith(("I", "F")):
                 raise ValueError("more than 8 bits a channel")
             decoded = image.convert("RGBA")
+    except UnidentifiedImageError:  # whose message is an address
+        raise InputError(str(path), "is damaged or is no image (no PNG)") from None
     except Exception as error:  # what decoders raise has no common type
         raise InputError(str(path), f"is damaged or is no image ({error})") from None
     paper = Image.new("RGBA", decoded.size, (_WHITE, _WHITE, _WHITE, _WHITE))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sized
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -128,5 +128,11 @@ def _extent(keys: list[Key]) -> str:
     if not keys[0][2]:
         return "a number"
     if not keys[0][2][0].isdigit():
-        return f"{len(keys)} values"
-    return f"{len(keys)} numbers up to {max(float(time) for _, _, time in keys):g} s"
+        return number_of(keys, "value")
+    last = max(float(time) for _, _, time in keys)
+    return f"{number_of(keys, 'number')} up to {last:g} s"
+
+
+def number_of(things: Sized, word: str) -> str:
+    """The number of things with their word, in the plural unless it is one."""
+    return f"{len(things)} {word}{'s' * (len(things) != 1)}"

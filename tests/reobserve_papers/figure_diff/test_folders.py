@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from PIL import Image
 
 from reobserve.core.files import read_text, write_text
 from reobserve_papers.cli.main import main
-from reobserve_papers.figure_diff.folders import Tolerances, compare_folders
+from reobserve_papers.figure_diff.folders import COMPARED, Tolerances, compare_folders
 
 Capture = pytest.CaptureFixture[str]
 COMPARE = ["figdiff", "--reference", "ref", "--results", "out"]
@@ -69,7 +70,7 @@ CHANGED = {
     "key changed": (tree(gain=2.1), "summary.json, gain: golden 2, found 2.1"),
     "key more": (tree(more=1), "summary.json, more: golden none, found a number"),
     "item": (tree(poles=[-1.0, -2.6]), "summary.json, poles in item 1: golden -2.5, found -2.6"),
-    "length": (tree(poles=[-1.0]), "summary.json, poles: golden 2 values, found 1 values"),
+    "length": (tree(poles=[-1.0]), "summary.json, poles: golden 2 values, found 1 value"),
     "nested": (tree(runs=[{"seed": 3}, {"seed": 5}]), "runs.seed in item 1: golden 4, found 5"),
     "not a number": (tree(gain=float("nan")), "summary.json.gain: nan must be a finite number"),
     "no JSON": (write("out/summary.json", b'{"gain": 2'), "summary.json: is not JSON"),
@@ -78,6 +79,7 @@ CHANGED = {
     "no picture": (write("out/fig1.png", b"PNG"), "fig1.png: is damaged or is no image"),
     "missing": (lambda: Path("out/summary.json").unlink(), "summary.json: it is missing"),
     "new": (write("out/fig2.csv", b"a\n1\n"), "fig2.csv: there is no accepted file"),
+    "new but damaged": (write("out/fig2.csv", b"a\n1,2\n"), "fig2.csv: line 2 has not 1 cells"),
 }
 
 
@@ -90,7 +92,7 @@ def test_each_change_is_named_fails_and_can_be_accepted(change: str, capsys: Cap
     assert main(COMPARE) == 1
     printed = capsys.readouterr()
     assert said in printed.out
-    assert "1 do not agree with what was accepted; see figdiff/index.html" in printed.err
+    assert "1 does not agree with what was accepted; see figdiff/index.html" in printed.err
     assert read_text("figdiff/summary.md") == printed.out
     page = read_text("figdiff/index.html")
     assert '<span class="verdict">' in page
@@ -106,7 +108,7 @@ def test_each_change_is_named_fails_and_can_be_accepted(change: str, capsys: Cap
         ]
         assert main(accept) == 0
         assert capsys.readouterr().out.endswith(": moved\n")
-        assert read_text("ref/REASONS.md").endswith(": a new gain is in (1 files moved)\n")
+        assert read_text("ref/REASONS.md").endswith(": a new gain is in (1 file moved)\n")
         assert main(COMPARE) == 0
 
 
@@ -162,6 +164,10 @@ def content() -> dict[str, bytes]:
         (write("out/summary.json", b'{"gain": NaN}'), "nothing is accepted: out/summary.json"),
         (write("out/runs/scores.csv", b"a,b\n1\n"), "nothing is accepted: out/runs/scores.csv"),
         (write("out/fig1.png", b"PNG"), "nothing is accepted: out/fig1.png"),
+        *[
+            (write(f"out/new{kind}", b"\x89\xff"), f"nothing is accepted: out/new{kind}")
+            for kind in COMPARED
+        ],
     ],
 )
 def test_nothing_is_accepted_that_would_lose_files(
@@ -201,6 +207,37 @@ def test_different_trees_do_not_agree(accepted: object, new: object) -> None:
         write_text(f"{folder}/runs/tree.json", json.dumps(tree))
     items = compare_folders(Path("ref/runs"), Path("out/runs"), Tolerances())
     assert {item.name: item.verdict for item in items}["tree.json"] == "moved"
+
+
+@pytest.mark.parametrize("name", ["runs/scores.csv", "summary.json"])
+def test_byte_order_mark_is_no_difference(name: str) -> None:
+    Path("out", name).write_bytes(b"\xef\xbb\xbf" + Path("ref", name).read_bytes())
+    items = compare_folders(Path("ref"), Path("out"), Tolerances())
+    assert {item.verdict for item in items} == {"agrees"}
+
+
+@given(st.integers(0, 120), st.binary(max_size=9), st.booleans())
+def test_damaged_picture_is_named_without_an_address(at: int, put: bytes, cut: bool) -> None:
+    content = Path("ref/fig1.png").read_bytes()
+    Path("out/fig1.png").write_bytes(content[:at] + put + content[at + len(put) :] * (not cut))
+    item = compare_folders(Path("ref"), Path("out"), Tolerances())[0]
+    assert not re.search(r"0x|BytesIO", "".join(item.problems))
+
+
+@pytest.mark.parametrize("files", range(1, 4))
+def test_counts_have_their_plural(files: int, capsys: Capture) -> None:
+    """Values of a list, rows and files, one to three."""
+    for folder in ("ref", "out"):
+        for number in range(files):
+            write_text(f"{folder}/one/{number}.json", json.dumps([folder] * (number + 1)))
+    assert main(["figdiff", "--reference", "ref/one", "--results", "out/one"]) == 1
+    tree(poles=[0] * files, runs=[])()
+    main(COMPARE)
+    printed = capsys.readouterr()
+    said = printed.out + printed.err
+    assert not re.search(r"\b1 (more )?(files|values|numbers|do)\b", said)
+    assert not re.search(r"\b[2-9] (more )?(file|value|number|does)\b", said)
+    assert f"{files} file{'s' * (files > 1)}: " in printed.out
 
 
 def test_picture_of_more_bits_is_no_picture_that_agrees(capsys: Capture) -> None:
