@@ -130,7 +130,7 @@ MODULE, PARAMETERS = Path("src/mine.py"), Path("config/papers/mine.yaml")
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('"errors": errors}', '"errors": errors', "line 149: SyntaxError: '{' was never closed"),
+        ('"errors": errors}', '"errors": errors', "line 150: SyntaxError: '{' was never closed"),
         ("import numpy as", "import nump as", "line 14: ModuleNotFoundError: No module named "),
         ('Channel(force, "N")', 'Chanel(force, "N")', "line 98: NameError: name 'Chanel' is not "),
         ("0.0, 0.0]]", "0.0]]", "C: has shape (1, 3), must be (m, 4), as A is (4, 4) (src/mine.py"),

@@ -172,7 +172,9 @@ def inputs_of(step, *chunks):
             paths = [
                 path
                 for paper in papers
-                for path in inputs(checked(paper), Path(), step, *names, cached=config["cached"])
+                for path in inputs(
+                    checked(paper), Path(), step, *names, cached=config["cached"], style=config["style"]
+                )
             ]
         if step == "verdicts":  # whose table may have no rows
             paths = ["results/claims.csv", *paths]

@@ -34,7 +34,6 @@ rule metrics:
 rule plot:
     input:
         inputs_of("plot"),
-        STYLE,
     output:
         report(
             f"results/{{paper}}/{{figure}}.{FORMATS[0]}",

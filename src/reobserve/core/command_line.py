@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from reobserve.core.code_paths import pin_code_paths
-from reobserve.core.errors import ReobserveError, one_line, shown
+from reobserve.core.errors import ReobserveError, nearest, one_line, shown
 from reobserve.core.extras import EXTRAS, MissingPackageError
 from reobserve.core.outputs import check_outputs
 
@@ -101,8 +101,10 @@ def _add_commands(
     typed = words[0] if words and words[0] in table.commands else None
     if words and typed is None and not words[0].startswith("-"):
         more = f"; {table.other} has others" if table.other else ""
-        known = ", ".join(table.commands)
-        parser.error(f"argument {metavar}: there is no {shown(words[0])}, only {known}{more}")
+        known, near = ", ".join(table.commands), nearest(words[0], table.commands)
+        near = near if "did you mean" in near else ""
+        problem = f"there is no {shown(words[0])}, only {known}{near}{more}"
+        parser.error(f"argument {metavar}: {problem}")
     for name, entry in table.commands.items():
         if typed is not None and name != typed:
             continue

@@ -82,6 +82,4 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     parse(Configuration, config, "config")
     for key, there in (("papers", papers), ("bench", known_tasks(project))):
         refuse_unknown(f"config.{key}", config.get(key, ()), there)
-    styles = known_styles(project)
-    if (style := config.get("style", DEFAULT_STYLE)) not in styles:
-        raise InputError("config.style", f"there is no {shown(style)}, only {', '.join(styles)}")
+    refuse_unknown("config.style", [config.get("style", DEFAULT_STYLE)], known_styles(project))

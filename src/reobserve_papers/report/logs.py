@@ -71,7 +71,12 @@ def _of_step(project: Path, step: str, *words: str) -> tuple[tuple[str, ...], tu
     names = arguments[len(files) :]
     papers = [Parameters.read(project / path) for path in files]
     cached = "--no-cached" not in options
-    read = [path for one in papers for path in inputs(one, project, step, *names, cached=cached)]
+    style = options[options.index("--style") + 1] if "--style" in options else ""
+    read = [
+        path
+        for one in papers
+        for path in inputs(one, project, step, *names, cached=cached, style=style)
+    ]
     made = outputs(papers[0].paper if papers else "", step, *names, formats=formats)
     return (*files, *dict.fromkeys(read)), made
 

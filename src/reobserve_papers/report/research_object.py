@@ -22,7 +22,7 @@ from reobserve.core.files import read_bytes, read_text, write_whole
 from reobserve_papers.report.environment import environment, package_versions
 from reobserve_papers.report.logs import LoggedJob, jobs_behind
 
-WORKFLOW = "workflow/Snakefile"
+_WORKFLOWS = ("workflow/Snakefile", "Snakefile")  # the second one where papers have their own
 _RUN = "https://w3id.org/ro/wfrun"
 _PROFILES = {
     "Process Run Crate": f"{_RUN}/process/0.5",
@@ -52,7 +52,10 @@ def write_archive(project: Path, output: Path, products: Sequence[str]) -> int:
             )
     crate = package("rocrate.rocrate", "archive a build").ROCrate(version="1.1")
     paths = sorted({*products, *_packed(project, jobs)})
-    files = {path: _file(crate, project, path) for path in paths}
+    workflow = next((path for path in _WORKFLOWS if path in paths), "")
+    if not workflow:
+        raise InputError("Snakefile", "is missing, must be in the project")
+    files = {path: _file(crate, project, path, path == workflow) for path in paths}
     digests = [hashlib.sha256(read_bytes(project / path)).hexdigest() for path in paths]
     manifest = "".join(f"{sha}  {path}\n" for sha, path in zip(digests, paths, strict=True))
     crate.add_file(io.StringIO(manifest), "manifest-sha256.txt")
@@ -76,7 +79,7 @@ def write_archive(project: Path, output: Path, products: Sequence[str]) -> int:
     made = {path for job in jobs for path in job.outputs}
     read = {path for job in jobs for path in job.inputs if path in files} - made
     crate.add_action(
-        files[WORKFLOW],
+        files[workflow],
         identifier="#build",
         object=[files[path] for path in paths if path in read or path.startswith("config/")],
         result=[files[path] for path in products],
@@ -96,13 +99,14 @@ def _packed(project: Path, jobs: Iterable[LoggedJob]) -> Iterator[str]:
     named = [path for job in jobs for path in (*job.inputs, *job.outputs, job.log, job.benchmark)]
     beside = [file for path in map(project.joinpath, _BESIDE) for file in (path, *path.rglob("*"))]
     for file in (*map(project.joinpath, named), *beside):
-        if file.is_file() and "__pycache__" not in file.parts:
+        ours = file.is_relative_to(project)  # and no text that is shared by all projects
+        if ours and file.is_file() and "__pycache__" not in file.parts:
             yield file.relative_to(project).as_posix()
 
 
-def _file(crate: Any, project: Path, path: str) -> Any:
+def _file(crate: Any, project: Path, path: str, workflow: bool) -> Any:
     about = {"name": path, "encodingFormat": mimetypes.guess_type(path)[0] or "text/plain"}
-    if path != WORKFLOW:
+    if not workflow:
         return crate.add_file(project / path, path, properties=about, record_size=True)
     about["name"] = "Every figure, table and claim"
     return crate.add_workflow(
@@ -112,17 +116,24 @@ def _file(crate: Any, project: Path, path: str) -> Any:
 
 
 def _describe(crate: Any, project: Path, ended: datetime) -> None:
-    """Describe the whole: title, licence, authors, and the profiles it conforms to."""
-    citation = read_yaml(project / "CITATION.cff")
-    root = crate.root_dataset
-    root["name"], root["version"] = citation["title"], citation["version"]
+    """Describe the whole: the profiles it conforms to, and what CITATION.cff says of it, if any."""
+    path, root = project / "CITATION.cff", crate.root_dataset
+    citation = read_yaml(path) if path.is_file() else {}
+    root["name"] = citation.get("title", f"A build of {project.resolve().name}")
     root["description"] = "A build: figures, tables, claims and the report, and how they were made."
     root["datePublished"] = ended.isoformat()
-    root["keywords"] = ", ".join(citation["keywords"])
-    licence = f"https://spdx.org/licenses/{citation['license']}"
-    root["license"] = _entity(crate, licence, "CreativeWork", citation["license"])
-    authors = [one["name"] for one in citation["authors"]]
-    root["author"] = [_entity(crate, _local(name), "Organization", name) for name in authors]
+    if "version" in citation:
+        root["version"] = citation["version"]
+    if "keywords" in citation:
+        root["keywords"] = ", ".join(citation["keywords"])
+    if "license" in citation:
+        licence = f"https://spdx.org/licenses/{citation['license']}"
+        root["license"] = _entity(crate, licence, "CreativeWork", citation["license"])
+    for one in citation.get("authors", []):
+        kind = "Organization" if "name" in one else "Person"
+        parts = (one.get(key) for key in ("name", "given-names", "family-names"))
+        name = " ".join(filter(None, parts))
+        root.append_to("author", _entity(crate, _local(name), kind, name))
     for name, address in _PROFILES.items():
         profile = _entity(crate, address, "CreativeWork", name, version="0.5")
         root.append_to("conformsTo", profile)

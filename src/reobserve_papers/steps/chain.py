@@ -19,6 +19,7 @@ from reobserve_papers.parameters.names import (
     claims_path,
     samples_path,
     stored_parameters,
+    style_sheet,
 )
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.step_kinds import KINDS
@@ -88,11 +89,13 @@ def behind(parameters: Parameters, *step: str) -> list[Step]:
 
 
 def inputs(
-    parameters: Parameters, project: Path, step: str, *names: str, cached: bool = True
-) -> list[str]:
+    parameters: Parameters, project: Path, step: str, *names: str, cached: bool = True,
+    style: str = "",
+) -> list[str]:  # fmt: skip
     """The files, by paths in a project, that a job of a step reads beside the parameters.
 
-    Samples in ``config/samples`` are among them if a job takes ``cached`` ones.
+    Samples in ``config/samples`` are among them if a job takes ``cached`` ones, and the sheet of a
+    ``style`` if it plots.
     """
     paper, tree = parameters.paper, parameters.tree
     files = [result(paper, *need) for need in reads(parameters, step, *names)]
@@ -110,6 +113,8 @@ def inputs(
             entries = [entry for entry in study.values() if isinstance(entry, dict)]
             files += [entry["value"] for entry in entries if entry["unit"] == "file"]
     if step == "plot":
+        sheets = [style_sheet(project, style)] if style else []
+        files += [sheet for sheet in sheets if (project / sheet).is_file()]
         files.append(caption_template(project, paper, names[0], "figure"))
         folder = Path(f"workflow/report/{paper}")
         files += sorted(str(folder / path.name) for path in (project / folder).glob("_*.rst"))

@@ -6,7 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from reobserve.core.files import write_text
+from reobserve_papers.cli.bench import BENCH
 from reobserve_papers.cli.main import COMMANDS, main
+from reobserve_papers.cli.stage_commands import STAGES
+from reobserve_papers.parameters.config import known_styles
+from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
 
 OUTPUT = "--output {here}/out"
@@ -62,6 +67,34 @@ def test_misspelt_name_is_refused_with_the_near_one(
     near = WRONG[line]
     assert captured.err.rstrip().endswith(near if " " in near else f"did you mean {near!r}?")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("group", "commands"),
+    [([], COMMANDS.commands), (["stage"], STAGES.commands), (["bench"], BENCH.commands)],
+)
+def test_misspelt_command_is_refused_with_the_near_one(
+    group: list[str], commands: dict[str, object], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The second letter is another, of every command."""
+    for name in commands:
+        wrong = f"{name[0]}q{name[2:]}"
+        with pytest.raises(SystemExit):
+            main([*group, wrong])
+        said = capsys.readouterr().err.splitlines()[-1]
+        assert f"there is no {wrong!r}, only {', '.join(commands)}; did you mean {name!r}?" in said
+
+
+@pytest.mark.parametrize("style", known_styles(ROOT))
+def test_misspelt_style_is_refused_with_the_near_one(
+    style: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stored = tmp_path / "results/ilo/parameters.json"
+    write_text(stored, Parameters.load(ROOT, "ilo").text())
+    line = ["stage", "plot", str(stored), "fig1", "--formats", "png", "--style"]
+    assert main([*line, f"{style}s"]) == 1
+    said = f"--style: there is no '{style}s'; did you mean {style!r}?\n"
+    assert capsys.readouterr().err == f"reobserve-papers: {said}"
 
 
 def test_all_commands_are_tried() -> None:

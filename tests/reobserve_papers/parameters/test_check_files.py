@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from reobserve.core.errors import InputError
+from reobserve_papers.cli.main import main
 from reobserve_papers.cli.stages.check import run
+from reobserve_papers.parameters.config import known_papers
 from tests import ROOT
 
 # By name: a file, a replacement in it, and the beginning of the message.
@@ -83,6 +85,21 @@ def test_error_in_config_is_reported_before_the_first_job(project: Path, case: s
         run(project, ["ilo", "imm"], {})
     assert str(caught.value).startswith(said or str(path))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.nightly_after(1)
+@pytest.mark.parametrize("first", ["claims/ilo.yaml", "papers/ilo.yaml", "errata/ilo.yaml"])
+def test_errors_of_all_papers_are_reported(
+    project: Path, first: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for file in (first, "claims/imm.yaml", "styles/slides.mplstyle"):
+        (project / "config" / file).write_text("nonsense: 1\n", encoding="utf-8")
+    assert main(["check", "--project", str(project)]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    errors = [line for line in lines if line.startswith("reobserve-papers: ")]
+    assert len(errors) == 3
+    assert ["ilo" in errors[0], "imm" in errors[1], "slides" in errors[2]] == [True] * 3
+    assert sum(line.endswith("are sound") for line in lines) == len(known_papers(project)) - 2
 
 
 def test_damaged_style_sheet_is_named(project: Path) -> None:

@@ -287,10 +287,7 @@ MORE_BAD_CALLS = {
         "radius 1.05 > 1, the estimate grows as exp(4.879 t)"
     ),
     "formats=[gif]": "config.formats.0: 'gif' must be one of pdf, svg, png, eps, pgf",
-    "style=ieee-colum": (
-        "config.style: there is no 'ieee-colum', only default, elsevier-column, elsevier-page, "
-        "ieee-column, ieee-page, slides"
-    ),
+    "style=ieee-colum": ("config.style: there is no 'ieee-colum'; did you mean 'ieee-column'?"),
     "sede=1": "config.sede: unknown key; did you mean 'seed'?",
     "ilo={observers: {sampled: {K22: 1}}}": (
         "ilo.observers.sampled.K22: unknown key; did you mean 'K2'?"

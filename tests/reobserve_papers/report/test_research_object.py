@@ -110,6 +110,50 @@ def test_incomplete_build_is_not_archived(build: Path, gone: str, said: str) -> 
     assert not (build / "a.zip").exists()
 
 
+@pytest.mark.parametrize("workflow", ["workflow/Snakefile", "Snakefile"])
+@pytest.mark.parametrize(
+    ("citation", "name", "authors"),
+    [
+        (None, "A build of mine", []),
+        ("title: Mine\n", "Mine", []),
+        ("title: Mine\nauthors: [{name: We}, {given-names: Ada, family-names: L}]\n", "Mine",
+         ["We", "Ada L"]),
+    ],
+)  # fmt: skip
+def test_project_of_ones_own_is_archived(
+    build: Path, workflow: str, citation: str | None, name: str, authors: list[str]
+) -> None:
+    """Its captions and style sheets are those of the installation, beside the project."""
+    mine = build / "mine"
+    for part in [*build.iterdir()]:
+        mine.mkdir(exist_ok=True)
+        part.rename(mine / part.name)
+    (mine / "CITATION.cff").unlink()
+    if citation:
+        (mine / "CITATION.cff").write_text(citation)
+    (mine / "workflow/Snakefile").rename(mine / workflow)
+    figure = [f"results/ilo/fig1.{kind}" for kind in ("svg", "png", "caption.rst", "metrics.csv")]
+    lines = {"fig1.plot": f"{PLOT} --style slides", "fig1.metrics": PLOT.replace("plot", "metrics")}
+    for observer in ("continuous", "forgetting"):
+        figure.append(f"results/ilo/constant/{observer}.parquet")
+        lines[f"constant/{observer}"] = OBSERVE.replace("sampled", observer)
+    for path in figure:
+        (mine / path).touch()
+    for log, line in lines.items():
+        (mine / f"logs/ilo/{log}.log").write_text(f"+ reobserve-papers {line}\n")
+    shared = [one for one in read_log(mine, "logs/ilo/fig1.plot.log").inputs if one[0] == "/"]
+    assert [Path(one).name for one in shared] == ["slides.mplstyle", "figure.rst"]
+    write_archive(mine, mine / "a.zip", figure)
+    crate = ROCrate(mine / "a.zip")
+    assert (crate.name, crate.mainEntity.id) == (name, workflow)
+    listed = crate.root_dataset.get("author") or []
+    listed = listed if isinstance(listed, list) else [listed]
+    assert [one["name"] for one in listed] == authors
+    packed = {one.id for one in crate.get_entities()}
+    assert {*figure} < packed
+    assert not any("figure.rst" in one for one in packed)
+
+
 def test_plot_reads_and_writes_what_its_rule_says(build: Path) -> None:
     (build / "logs/plot.log").write_text(f"+ reobserve-papers {PLOT}\n")
     job = read_log(build, "logs/plot.log")

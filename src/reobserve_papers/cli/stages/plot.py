@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.core.files import write_text
+from reobserve_papers.parameters.config import known_styles, refuse_unknown
 from reobserve_papers.parameters.names import caption_template, style_sheet
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.plotting.captions import render, with_note
@@ -27,6 +28,8 @@ def run(
     parameters = Parameters.read(parameter_file)
     settings = parameters.settings("plot", figure)
     project, paper = project_of(parameter_file, parameters), parameters.paper
+    if style:
+        refuse_unknown("--style", [style], known_styles(project))
     use_sheet(project / style_sheet(project, style) if style else None)
     inputs = stored(parameters, project, "plot", figure)
     metrics = inputs["metrics", figure]
