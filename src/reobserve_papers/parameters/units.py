@@ -49,6 +49,14 @@ class Unit:
         )
 
 
+class UnitBy(Unit):
+    """The unit of a key where another key of its branch, such as a model, decides which it is."""
+
+    def __init__(self, key: str, units: Mapping[str, Unit]) -> None:
+        super().__init__(*(text for unit in units.values() for text in unit.allowed))
+        self.key, self.units = key, units
+
+
 PURE, SECONDS, PER_SECOND = Unit("1"), Unit("s"), Unit("1/s")
 Duration = Annotated[Positive, SECONDS]
 Span = Annotated[Window, SECONDS]
@@ -63,6 +71,8 @@ def check_units(parameters: Parameters, stated: Any) -> None:
             branch = branch[name] if isinstance(branch, Mapping) else getattr(branch, name)
         declared = _declared(branch.__class__).get(path[-1])
         values = [value for _, value in leaves(entry["value"])]
+        if isinstance(declared, UnitBy):
+            declared = declared.units[getattr(branch, declared.key)]
         if declared is not None:
             if not declared.fits(unit):
                 raise InputError(place, f"{shown(unit)} must be {declared}")

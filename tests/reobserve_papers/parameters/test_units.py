@@ -85,6 +85,42 @@ def test_other_units_are_refused_and_other_spellings_are_not(paper: str) -> None
             assert all(one in said for one in expected), said
 
 
+# By paper: the key that decides, and the unit of each key for each of its words.
+DECIDED = {
+    "delay": ("model", {
+        "initial_state": {"pendulum": "rad, rad/s", "lag": "1"},
+        "initial_estimate": {"pendulum": "rad, rad/s", "lag": "1"},
+        "input": {"pendulum": "N m", "lag": "1"},
+        "threshold": {"pendulum": "N/(kg m s)", "lag": "1/s"},
+        "L": {"pendulum": "N m/s^3", "lag": "1/s^3"},
+    }),
+    "imm": ("input_unit", {"input": {"V": "V", "rad/s": "rad/s"}}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("paper", DECIDED)
+def test_unit_is_that_of_the_plant_of_its_branch(paper: str) -> None:
+    """All entries of keys of which two plants have different units."""
+    decides, units = DECIDED[paper]
+    parameters = Parameters.load(ROOT, paper)
+    stated, tried = read_parameters(parameters), set()
+    for key in parameters.by_key:
+        section, name, *last = key.split(".")
+        branch = getattr(stated, section)
+        word = getattr(branch.get(name), decides, None) if isinstance(branch, dict) else None
+        if word is None or last[0] not in units:
+            continue
+        tried.add(last[0])
+        for other, unit in units[last[0]].items():
+            changed_unit = with_unit(parameters, key, unit)
+            if other == word:
+                check_units(changed_unit, stated)
+            else:
+                with pytest.raises(InputError, match=re.escape(f"{key}.unit: {unit!r} must be ")):
+                    check_units(changed_unit, stated)
+    assert tried == {*units}
+
+
 @dataclass(frozen=True)
 class Keys:
     free: Any

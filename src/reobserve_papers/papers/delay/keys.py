@@ -24,14 +24,23 @@ from reobserve.core.validation import (
 )
 from reobserve_papers.parameters import job
 from reobserve_papers.parameters.job import signal
-from reobserve_papers.parameters.units import PER_SECOND, PURE, TIMING, Duration, Span, Unit
+from reobserve_papers.parameters.units import PER_SECOND, PURE, TIMING, Duration, Span, Unit, UnitBy
 
 MAX_DERIVATIVES = 2  # of u, in a plant's record and by the differentiator (37)
 
 Scalar = Annotated[Terms, signal(1)]
-Torque = Annotated[Scalar, Unit("N m", beside=("N m/s", *TIMING))]
-State = Annotated[list[float], items(1, 2), Unit("rad, rad/s", "1")]  # of pendulum or lag
 Model = Literal["pendulum", "lag"]
+
+
+def of_models(pendulum: str, lag: str) -> UnitBy:
+    """The unit of a key that depends on the model."""
+    return UnitBy("model", {"pendulum": Unit(pendulum), "lag": Unit(lag)})
+
+
+State = Annotated[list[float], items(1, 2), of_models("rad, rad/s", "1")]
+TORQUE = Unit("N m", beside=("N m/s", *TIMING))
+INPUT = UnitBy("model", {"pendulum": TORQUE, "lag": Unit("1", beside=("1/s", *TIMING))})
+Torque = Annotated[Scalar, TORQUE]
 
 
 # Text is `algebraic`.
@@ -73,7 +82,7 @@ class Scenario:
 
     model: Model
     initial_state: State
-    input: Annotated[Scalar, Unit("N m", "1", beside=("N m/s", "1/s", *TIMING))]
+    input: Annotated[Scalar, INPUT]
     past: Literal["continued", "zero"]
     noise_share: Annotated[NotNegative, PURE]
     title: str = ""
@@ -98,12 +107,12 @@ class Extended:
     initial_estimate: State
     initial_delay: Annotated[float, Unit("s")]
     initial_matrix: Annotated[InitialMatrix, as_stated(initial_matrix), Unit("1", "word")]
-    threshold: Annotated[NotNegative, Unit("N/(kg m s)", "1/s")]
+    threshold: Annotated[NotNegative, of_models("N/(kg m s)", "1/s")]
     switched: Literal["delay", "all"]
     derivatives: Literal["exact", "levant"]
     sampling_period: Duration
     lambdas: Annotated[Levels, vector(3), PURE] | None = None
-    L: Annotated[Positive, Unit("N m/s^3", "1/s^3")] | None = None
+    L: Annotated[Positive, of_models("N m/s^3", "1/s^3")] | None = None
     sampling: Duration | None = None
     initial_derivatives: Literal["zero", "exact"] = "zero"
     label: str = ""
@@ -212,7 +221,7 @@ class Theory:
 
     ramp: Torque
     sine: Torque
-    initial_state: Annotated[State, Unit("rad, rad/s")]
+    initial_state: Annotated[list[float], items(1, 2), Unit("rad, rad/s")]
     noise_share: Annotated[NotNegative, PURE]
     small_threshold: Annotated[Positive, Unit("N/(kg m s)")]
     rhos: Annotated[Levels, PER_SECOND]

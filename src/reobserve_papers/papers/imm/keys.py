@@ -25,11 +25,18 @@ from reobserve.core.validation import (
 )
 from reobserve_papers.parameters import job
 from reobserve_papers.parameters.job import signal
-from reobserve_papers.parameters.units import PURE, SECONDS, TIMING, Duration, Span, Unit
+from reobserve_papers.parameters.units import PURE, SECONDS, TIMING, Duration, Span, Unit, UnitBy
 
 Numerator = Annotated[list[float], vector(4), Unit("y/u s^-1 to s^-4")]
 Denominator = Annotated[list[float], vector(4), Unit("s^-1 to s^-4")]
 TestInput = Annotated[Terms, signal(1), Unit("V", beside=("V/s", *TIMING))]
+INPUT = UnitBy(
+    "input_unit",
+    {
+        unit: Unit(unit, beside=(rate, *TIMING))
+        for unit, rate in (("V", "V/s"), ("rad/s", "rad/s^2"))
+    },
+)
 Motion = Annotated[list[NotNegative], vector(4), Unit("y s, y, y/s, y/s^2")]
 SwitchingCondition = Literal["motion", "states", "outputs"]
 Probability = Annotated[float, within(0, 1), PURE]
@@ -81,7 +88,7 @@ class Scenario:
     """An input, a fault and the noise."""
 
     period: Duration
-    input: Annotated[Terms, signal(1), Unit("V", "rad/s", beside=("V/s", "rad/s^2", *TIMING))]
+    input: Annotated[Terms, signal(1), INPUT]
     input_unit: Literal["V", "rad/s"]
     fault: Literal["friction", "leakage"]
     share: Annotated[NotNegative, PURE]
