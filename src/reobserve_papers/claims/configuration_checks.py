@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Container, Mapping
 from functools import cache
 from pathlib import Path
 
 from reobserve.core.documents import read_json
-from reobserve.core.errors import InputError, ReobserveError, located
+from reobserve.core.errors import InputError, ReobserveError, located, nearest
 from reobserve_papers.claims.checks import Reference
-from reobserve_papers.claims.conventions import read_conventions
+from reobserve_papers.claims.conventions import SPECIAL, Conventions, names_in, read_conventions
 from reobserve_papers.claims.errata import read_errata
 from reobserve_papers.claims.registry import (
     Registry,
     amiss,
     check_names,
+    claims_text,
     read_registry,
 )
 from reobserve_papers.claims.restrictions import kept_by
@@ -66,9 +68,13 @@ def check_evidence(project: Path, parameters: Parameters) -> None:
         place, _, rest = problem.partition(": ")
         raise InputError(place, rest)
     _check_alternatives(registry, paper)
+    _check_used(project, registry.conventions)
     _check_figures(registry, parameters)
+    for one in registry.claims:
+        with located(f"claims.{paper}.{one.name}.setting"):
+            _check_setting(project, parameters, one.setting)
     for claim, names in registry.corrections.items():
-        known = [one.name for one in errata]
+        known = [erratum.name for erratum in errata]
         refuse_unknown(f"claims.{paper}.{claim}.errata", names, known)
     for erratum in errata:
         place = f"errata.{paper}.{erratum.name}.settles"
@@ -86,6 +92,17 @@ def _check_papers(project: Path) -> None:
         refuse_unknown(f"alternatives.{name}.paper", [one.paper], known)
 
 
+def _check_used(project: Path, conventions: Conventions) -> None:
+    """Refuse conventions that neither a claim names nor the code reads."""
+    texts = [claims_text(project, paper) for paper in known_papers(project)]
+    if any("problem" in text for text in texts):  # which `check` reports for its paper
+        return
+    used = {*names_in([texts, [one.claims for one in conventions.single.values()]]), *SPECIAL}
+    for name in conventions.stated:
+        if name not in used:
+            raise InputError(f"conventions.{name}", f"no claim names it{nearest(name, SPECIAL)}")
+
+
 def _check_figures(registry: Registry, parameters: Parameters) -> None:
     """Refuse rows of the paper's figures that name a figure or number that is not there."""
     known, metrics = parameters.tree["figures"], glossary(parameters.package)
@@ -95,6 +112,16 @@ def _check_figures(registry: Registry, parameters: Parameters) -> None:
             for number, one in enumerate(row.printed):
                 with located(f"printed.{number}.value"):
                     check_names(parameters, [Reference.parse(one.value)], metrics)
+
+
+def _check_setting(project: Path, parameters: Parameters, text: str) -> None:
+    """Refuse a setting that names a file or a branch of parameters that is not there."""
+    for path in re.findall(r"config/[\w./-]+\w", text):
+        if not (project / path).is_file():
+            raise InputError("", f"there is no file {path}")
+    for section, name in re.findall(r"`(\w+)\.(\w+)", text):
+        refuse_unknown("", [section], parameters.tree)
+        refuse_unknown("", [name], parameters.tree[section])
 
 
 def _check_alternatives(registry: Registry, paper: str) -> None:

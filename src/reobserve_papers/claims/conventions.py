@@ -198,7 +198,7 @@ def _with(tree: Any, path: list[str], value: Any, key: str) -> Any:
             raise InputError(key, f"there is no item {head}, must be 0 to {len(tree) - 1}")
         number = int(head)
         return [*tree[:number], _with(tree[number], rest, value, key), *tree[number + 1 :]]
-    if not isinstance(tree, Mapping) or (rest and head not in tree):
+    if not isinstance(tree, Mapping) or ((rest or value is None) and head not in tree):
         known = tree if isinstance(tree, Mapping) else ()
         raise InputError(key, f"there is no {shown(head)}{nearest(head, known)}")
     return {**tree, head: _with(tree.get(head), rest, value, key)}

@@ -181,6 +181,9 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
     stated = _parsed(tree, conventions, paper)
     known = glossary(parameters.package)
     asked: dict[str, tuple[Choice, ...]] = {}
+    for group, patterns in stated.choices.items():
+        with located(f"claims.{paper}.choices.{group}"):
+            _choices(parameters, patterns, {})
     claims = []
     for name, entry in stated.claims.items():
         with located(f"claims.{paper}.{name}"):

@@ -74,6 +74,10 @@ def _check_limits(registry: Registry, single: SingleAlternative) -> None:
                 raise InputError(section, f"no claim depends on {shown(key)}{nearest(key, known)}")
             for knob in matching:
                 _check_limit(f"{section}.{key}", knob, listed)
+    keys = [*single.ranges, *single.weights]
+    for claim in _about(registry, single) if single.only else ():
+        if not any(_matches(key, knob) for key in keys for knob in _knobs(claim)):
+            raise InputError("only", f"{claim.name} depends on none of {', '.join(keys)}")
 
 
 def _check_limit(place: str, knob: Knob, listed: Any) -> None:
@@ -89,6 +93,9 @@ def _check_limit(place: str, knob: Knob, listed: Any) -> None:
         and listed[0] <= listed[1]
     ):
         raise InputError(place, f"{shown(listed)} must be two numbers, the lower one first")
+    elif listed[1] < knob.span[0] or listed[0] > knob.span[1]:
+        low, high = map(spelt, knob.span)
+        raise InputError(place, f"{shown(listed)} has no sample of {knob.name}, {low} to {high}")
 
 
 def _matches(key: str, knob: Knob) -> bool:

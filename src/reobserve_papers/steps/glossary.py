@@ -1,9 +1,9 @@
 """Glossaries of metrics, as papers state them beside the code, and lists of them.
 
 A paper's module ``metrics`` has ``MEANINGS``: what each metric is by its name, in which ``<word>``
-stands for what differs. What its docstring says after the first sentence introduces them. It may
-also have ``SUBJECTS``: by layout of a figure, or for the theory, what numbers are of beside
-observers, words in which ``<word>`` means the same.
+stands for what differs, and ``<one,other>`` for one of these. What its docstring says after the
+first sentence introduces them. It may also have ``SUBJECTS``: by layout of a figure, or for the
+theory, what numbers are of beside observers, words in which ``<word>`` means the same.
 """
 
 from __future__ import annotations
@@ -35,9 +35,11 @@ def glossary(package: str) -> Glossary:
 
 
 def pattern(name: str) -> re.Pattern[str]:
-    """The names that a name with ``<word>`` in it stands for."""
-    parts = re.split(r"(<\w+>)", name)
-    return re.compile("".join(".+" if part[:1] == "<" else re.escape(part) for part in parts))
+    """The names that a name stands for, with any text for ``<word>`` and one of ``<one,other>``."""
+    parts = re.split(r"<([\w,]+)>", name)
+    texts = (f"({part.replace(',', '|')})" if "," in part else ".+" for part in parts[1::2])
+    whole = zip(map(re.escape, parts[::2]), [*texts, ""], strict=True)
+    return re.compile("".join(map("".join, whole)))
 
 
 def check_explained(parameters: Parameters, figure: str, metrics: Iterable[Metric]) -> None:

@@ -332,7 +332,7 @@ def test_range_keeps_the_samples_inside(code: Code, tmp_path: Path) -> None:
 
 
 def test_range_without_samples_decides_nothing(code: Code, tmp_path: Path) -> None:
-    alternatives = {"empty": {"ranges": {GAIN: [1e-3, 1e-2]}}}
+    alternatives = {"empty": {"ranges": {GAIN: [4999.9999, 5000]}}}
     made, _ = decide(decider(code, registry(tmp_path, {"one": SURE}, {}, alternatives)))
     empty = by_name(made)["empty"]
     assert (empty["other"], empty["note"]) == (REPRODUCED, LACKS)

@@ -115,7 +115,7 @@ MEANINGS = {
     ),
     "bound_share": "maximum of the third derivative of the input over L",
     "noise_exponent_<order>": "exponent of the size of the noise in the error of a derivative",
-    "rms_delay_error_faster accuracy=<measure> rho=<level>": (
+    "rms_delay_error_faster accuracy=<absolute,relative> rho=<level>": (
         "error with a faster input and a shorter delay over that without both, in seconds or "
         "relative to the delay"
     ),

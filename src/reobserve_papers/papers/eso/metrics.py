@@ -44,7 +44,7 @@ SUBJECTS = {
 # The meaning of each number, including those of the theory; `<word>` is a placeholder.
 MEANINGS = {
     "rms_<fault>_error_constant": "root mean square error of a fault where it is constant",
-    "rms_<fault>_error_varying lag=<lag>": (
+    "rms_<fault>_error_varying lag=<counted,removed>": (
         "root mean square error of a fault where it varies, with the lag counted or removed"
     ),
     "rms_<fault>_fault_varying": "root mean square of a fault where it varies",
@@ -76,14 +76,14 @@ MEANINGS = {
     "deviation": "standard deviation of the noise",
     "norm": "proved upper bound of the H-infinity norm",
     "gamma": "specified bound; `nan` for designs without one",
-    "missed_fast_<fault>_fault lag=<lag>": (
+    "missed_fast_<fault>_fault lag=<counted,removed>": (
         "share of a fast sinusoidal fault that its estimate misses, with the lag counted or removed"
     ),
     "left_of_<fault>_jump": "largest error from a given time after a unit jump on",
-    "<source>_in_<fault>_fault at=<when>": (
+    "<source>_in_<fault>_fault at=<ends,time>": (
         "standard deviation of the estimate due to noise or disturbances"
     ),
-    "<source>_disturbance_left at=<when>": (
+    "<source>_disturbance_left at=<ends,time>": (
         "standard deviation due to a random disturbance, over the error due to a constant one"
     ),
 }

@@ -39,7 +39,7 @@ SUBJECTS = {
 MEANINGS = {
     "rms_error": "root mean square of e",
     "relative_rms_error": "the same, divided by that of the fault",
-    "relative_error norm=<norm> window=<window>": (
+    "relative_error norm=<rms,absolute,largest> window=<onset,settled>": (
         "e over the fault, by root mean squares (rms), mean absolute values (absolute) or largest "
         "values (largest); from the first onset on (onset), or without what follows each (settled)"
     ),
@@ -65,7 +65,7 @@ MEANINGS = {
     "noise_gain multiple=<multiple>": (
         "standard deviation of v over that of rate noise drawn at each update and held"
     ),
-    "growth_of_the_constant side=<side>": (
+    "growth_of_the_constant side=<one,two>": (
         "constant of Assumption 2 for errors ten times as large, over the constant: of the whole "
         "torque (two), or of its component along the error (one)"
     ),
@@ -74,7 +74,7 @@ MEANINGS = {
     ),
     "gaps": "steps of the printed proof that a counterexample refutes",
     "certified": "1 if Theorem 1 certifies the gains, 0 if not",
-    "sine_error_over rival=<rival>": (
+    "sine_error_over rival=<integrator,none,proportional_integral>": (
         "amplitude of e under sin 10 t over that of a rival with the same K2 and tau: without "
         "learning (none), an integrator K2 / tau with the damping ratio of `theory.damping_ratio` "
         "(integrator), or with a proportional part K2 / 2 (proportional_integral)"

@@ -73,9 +73,11 @@ MEANINGS = {
     "within the band",
     "maximum_factor": "the maximum such factor",
     "<quantity> <change>=<level>": "the same as without it, after one change, to which level",
-    "normal_after variant=<variant>": "of an SVSF-IMM with one cause changed, or none: `whole`; "
-    "gains are `frozen` at their means or, `weighted`, at their effective values",
-    "fault_after variant=<variant>": "the same of the faulty mode",
+    "normal_after variant=<frozen,kalman,weighted,whole,zero_rate>": (
+        "of an SVSF-IMM with one cause changed, or none: `whole`; gains are `frozen` at their means"
+        " or, `weighted`, at their effective values"
+    ),
+    "fault_after variant=<frozen,kalman,weighted,whole,zero_rate>": "the same of the faulty mode",
     "saturation_fraction variant=whole": "of the innovations after the fault, outside the layers",
     "chattering_fraction variant=whole": "of those that lie there and have changed their sign",
     "chattering_after variant=whole": "the same in the window of the probabilities",

@@ -85,15 +85,19 @@ MEANINGS = {
     "error_decay": "mean slope of log |T(z) - x| near the origin; the slowest of random systems",
     "error_decay growth=<growth>": "the same until the state has grown by this factor, not ten",
     "share_better": "of initial states, with an `ise` below that of the constant gain",
-    "share_better measure=<measure>": (
+    "share_better measure=<absolute,settling,square>": (
         "of initial states, from which the error is smaller than with the constant gain, by the "
         "integral of its square (square) or absolute value (absolute), or by when it settles "
         "(settling)"
     ),
     "share_settled": "of initial states, from which e settles within the run",
     "latest_settling_time": "largest `settling_time` over initial states; `nan` if one is",
-    "share_better_at_order_0 measure=<measure>": "the same of the nonlinear injection at order 0",
-    "largest_improvement measure=<measure>": "on the constant gain by that error, in any run",
+    "share_better_at_order_0 measure=<absolute,settling,square>": (
+        "the same of the nonlinear injection at order 0"
+    ),
+    "largest_improvement measure=<absolute,settling,square>": (
+        "on the constant gain by that error, in any run"
+    ),
     "share_mostly_better": "of cubic injections, better than the constant gain from most states",
     "minimum_median_ise_ratio": "minimum over cubic injections",
     "median_ise_ratio": "median over initial states of `ise` over that of the constant gain",
