@@ -25,7 +25,7 @@ def run(parameter_file: Path, formats: Sequence[str]) -> None:
     title, rows = read_alternatives(path)
     verdicts = {name: judgement.verdict for name, judgement in decider.judged.items()}
     plots = (
-        alternatives_curve(claims, title, rows, verdicts),
+        alternatives_curve(title, rows, verdicts),
         specification_curves(claims, decider.samples, decider.numbers),
         sensitivity_bars(claims, decider.samples, verdicts),
     )
