@@ -166,11 +166,16 @@ def reason(error: Exception) -> str:
 
 def write_text(path: str | Path, text: str) -> None:
     """Write UTF-8 text whole or not at all."""
-    write_whole(path, lambda partial: _put(partial, text))
+    write_bytes(path, text.encode("utf-8"))
 
 
-def _put(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")
+def write_bytes(path: str | Path, content: bytes) -> None:
+    """Write bytes whole or not at all."""
+
+    def write(partial: Path) -> None:
+        partial.write_bytes(content)
+
+    write_whole(path, write)
 
 
 def write_table(

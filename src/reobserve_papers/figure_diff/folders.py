@@ -11,13 +11,12 @@ import json
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from reobserve.core.documents import parse_json, read_yaml
 from reobserve.core.errors import InputError
-from reobserve.core.files import read_bytes, read_rows, read_text, write_whole
+from reobserve.core.files import read_bytes, read_rows, read_text, write_bytes
 from reobserve.core.validation import NotNegative, parse
 from reobserve_papers.figure_diff import pixels
 from reobserve_papers.figure_diff.build_comparison import Item
@@ -84,13 +83,9 @@ def copy_results(reference: Path, results: Path) -> None:
     contents = {name: read_bytes(results / name) for name in _names(results)}
     gone = {*_names(reference)} - contents.keys()
     for name, content in contents.items():
-        write_whole(reference / name, partial(_write, content))
+        write_bytes(reference / name, content)
     for name in gone:
         (reference / name).unlink()
-
-
-def _write(content: bytes, path: Path) -> None:
-    path.write_bytes(content)
 
 
 def _names(folder: Path) -> list[str]:
@@ -122,17 +117,15 @@ def _numbers(path: Path, allowed: Tolerance) -> Numbers:
     """The numbers and words of a table or of a JSON file, with what is allowed of each."""
     table = path.suffix.lower() == ".csv"
     numbers: dict[Key, GoldenNumber] = {}
-    for key, text in _cells(path) if table else _leaves(_tree(path)):
+    for key, text in (
+        _cells(path) if table else _leaves(parse_json(read_text(path), str(path), _MOST_VALUES))
+    ):
         number = GoldenNumber(text)
         if not number.is_word:
             size = abs(float(text))
             number = GoldenNumber(text, "", f"{allowed.absolute + allowed.relative * size:g}")
         numbers[key] = number
     return numbers
-
-
-def _tree(path: Path) -> Any:
-    return parse_json(read_text(path), str(path), _MOST_VALUES)
 
 
 def _cells(path: Path) -> Iterator[tuple[Key, str]]:

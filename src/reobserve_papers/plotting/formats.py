@@ -18,7 +18,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.core.files import write_text, write_whole
+from reobserve.core.files import write_bytes, write_text, write_whole
 from reobserve_papers.plotting.style_sheet import laid_out
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ def save(figure: Figure, path: Path) -> None:
     with laid_out():
         if kind == "eps":
             content = _eps(figure)
-            write_whole(path, lambda partial: _put(partial, content))
+            write_bytes(path, content)
         elif kind == "pgf":
             from reobserve_papers.plotting.pgf import pgf
 
@@ -60,10 +60,6 @@ def _panels(figure: Figure) -> dict[str, str]:
     if note is None:
         return {}
     return {PANELS: f"{1 - note.get_window_extent().y1 / figure.bbox.height:.4f}"}
-
-
-def _put(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
 
 
 def _eps(figure: Figure) -> bytes:

@@ -99,7 +99,10 @@ def metrics_table(path: Path, known: Glossary, most: int | None) -> dict[str, An
         place = header.index("metric")
         header, body = (
             [*header, "what it is"],
-            [[*row, _meaning(row[place], known)] for row in body],
+            [
+                [*row, next((text for fits, text in known if fits.fullmatch(row[place])), "")]
+                for row in body
+            ],
         )
     return _table(header, body, most)
 
@@ -135,7 +138,3 @@ def _table(
 
 def _number(value: float) -> str:
     return "nan" if math.isnan(value) else f"{value:.4g}".replace("-", "−")
-
-
-def _meaning(metric: str, known: Glossary) -> str:
-    return next((text for pattern, text in known if pattern.fullmatch(metric)), "")

@@ -63,15 +63,12 @@ def layers(job: keys.Job) -> str:
     """The widths of the boundary layers, of the first SVSF that has the paper's."""
     for body in job.observers.values():
         if isinstance(body, keys.SmoothVariableStructure):
-            widths = ", ".join(_digits(body.layer_scale * width) for width in body.boundary_layer)
+            widths = ", ".join(
+                f"{float(f'{body.layer_scale * width:.3g}'):g}" for width in body.boundary_layer
+            )
             thinner = f" × {body.layer_factor:g}" if body.layer_factor != 1 else ""
             return f"Boundary layers of [{widths}]{thinner} y s, y and y/s."
     return ""
-
-
-def _digits(value: float) -> str:
-    """The number with three digits, without a power of ten if possible."""
-    return f"{float(f'{value:.3g}'):g}"
 
 
 def style_of(observer: keys.Observer) -> Style:

@@ -136,7 +136,8 @@ def draw_changes(data: FigureData[keys.Job]) -> Figure:
         axes.set_title(f"({letter}) {mode} mode")
     start, end = data.job.metrics.after
     panels[1].set_xlabel(f"mean probability, {start:g} to {end:g} s")
-    panels[0].set_yticks(range(len(changes)), [_name(*change) for change in changes])
+    names = [_CHANGES[sweep].format(level=k, ms=1000 * k, share=k) for sweep, k in changes]
+    panels[0].set_yticks(range(len(changes)), names)
     panels[0].invert_yaxis()
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=3)
@@ -146,10 +147,6 @@ def draw_changes(data: FigureData[keys.Job]) -> Figure:
         "the noise enters the record only, not R.",
     )
     return figure
-
-
-def _name(sweep: str, level: float) -> str:
-    return _CHANGES[sweep].format(level=level, ms=1000 * level, share=level)
 
 
 # In drawing order: variants that agree with the SVSF-IMM lie on it with smaller markers. No lines

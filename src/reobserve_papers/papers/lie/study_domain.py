@@ -60,7 +60,9 @@ def run(
     for name, series, at, true in (("S", S, x, z), ("T", form.T, z, x)):
         sums = np.cumsum(series.parts(at), axis=0)
         rows += [
-            summary(name, d, "largest_error", _largest(sums[d] - true), "1")
+            summary(
+                name, d, "largest_error", float(np.max(np.linalg.norm(sums[d] - true, axis=1))), "1"
+            )
             for d in range(1, series.degree + 1, 2)
         ]
     return rows
@@ -116,7 +118,3 @@ def _true_coordinates(problem: NormalFormProblem, cycle: LimitCycle, x: Array) -
     )
     z_true: Array = solution.y[n:].T
     return z_true
-
-
-def _largest(error: Array) -> float:
-    return float(np.max(np.linalg.norm(error, axis=1)))

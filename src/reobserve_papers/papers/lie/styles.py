@@ -67,7 +67,8 @@ def vector(injection: Any) -> str:
     for term in injection:
         (power,) = term["powers"]
         rows.setdefault(term["component"], []).append(_term(term["coefficient"], power))
-    return "(" + ", ".join(_sum(rows[component]) for component in sorted(rows)) + ")"
+    sums = (" + ".join(rows[component]).replace("+ −", "− ") for component in sorted(rows))
+    return f"({', '.join(sums)})"
 
 
 def _term(coefficient: Any, power: int) -> str:
@@ -76,10 +77,6 @@ def _term(coefficient: Any, power: int) -> str:
     if abs(float(fraction) - float(coefficient)) < 1e-12 and len(number) > 5:
         number = str(fraction)
     return f"{number} y{str(power).translate(_RAISED) if power > 1 else ''}".replace("-", "−")
-
-
-def _sum(terms: list[str]) -> str:
-    return " + ".join(terms).replace("+ −", "− ")
 
 
 def pair(values: Any) -> str:
