@@ -63,7 +63,7 @@ class Title:
 
     @property
     def counted(self) -> str:
-        """How many main claims are reproduced and contradicted, in words."""
+        """The number of main claims that are reproduced and contradicted, in words."""
         return (
             f"{self.count(REPRODUCED)} of {len(self.mains)} main claims reproduced, "
             f"{self.count(CONTRADICTED)} contradicted"
