@@ -56,7 +56,7 @@ def spelt(value: Any) -> str:
 
 
 def readings(values: Sequence[Any]) -> dict[str, str]:
-    """Words for each reading of a choice, by `spelt`; of signals, what distinguishes them."""
+    """Words for each reading of a choice, by `spelt`: of signals those in which they differ."""
     terms = [term for value in values if isinstance(value, list) for term in value]
     items = {(key, spelt(term[key])) for term in terms if isinstance(term, dict) for key in term}
     keys = [key for key, _ in items]

@@ -120,9 +120,10 @@ def test_claims_get_their_verdicts(toy: Project) -> None:
     assert found["double_pole"]["measured"].startswith("theory gains discriminant = ")
     assert found["placed_is_better"]["held"] == "36"
     reported = (toy.folder / "results/verdicts.md").read_text()
+    assert "| `toy` | [Re] | 2 of 2 | 0 |" in reported
     assert reported.endswith(
-        "| `toy` | [Re] | 4 | 2 | 0 | 0 | 1 | 0 | 1 | 2 stated, 0 before, 1 after |\n\n"
-        "- `toy` [Re]: nothing tried changes it.\n"
+        "| `toy` | 4 | 2 | 0 | 0 | 1 | 0 | 1 | 2 stated, 0 before, 1 after |\n\n"
+        "`toy`: Of 10 readings of main claims, none would give another title, and 5 lack samples.\n"
     )
     page = (toy.folder / "results/report.html").read_text()
     for text in ("The slow observer errs by less than a thousandth, too.", "l₂ = 15.9", "[Re]"):
