@@ -64,7 +64,8 @@ def separation(claim: Claim, robustness: Robustness, outcomes: Sequence[Outcome]
     """
     held = np.array([word == "holds" for word in outcomes])
     whole = len(held) == robustness.whole
-    columns = zip(*(trial.values for trial in robustness.trials), strict=True)
+    rows = [trial.values for trial in robustness.trials]
+    columns = ([row[k] for row in rows] for k in range(len(robustness.names)))
     tried = {
         name: values
         for name, values in zip(robustness.names, columns, strict=True)
