@@ -64,6 +64,11 @@ def separation(claim: Claim, robustness: Robustness, outcomes: Sequence[Outcome]
     """
     held = np.array([word == "holds" for word in outcomes])
     whole = len(held) == robustness.whole
+    few = (
+        f"{len(held)} {'settings' if whole else 'samples'} are too few to tell which choice decides"
+    )
+    if len(held) < 4 * SIDE and not whole:
+        return Separation("", few)
     rows = [trial.values for trial in robustness.trials]
     columns = ([row[k] for row in rows] for k in range(len(robustness.names)))
     tried = {
@@ -84,8 +89,7 @@ def separation(claim: Claim, robustness: Robustness, outcomes: Sequence[Outcome]
     if choice:
         sentence = in_words(splits[choice], claim.label(choice))
     elif len(splits) < len(tried):
-        kind = "settings" if whole else "samples"
-        return Separation("", f"{len(held)} {kind} are too few to tell which choice decides")
+        return Separation("", few)
     else:
         sentence = "no single choice decides"
     ranked = sorted(splits, key=lambda name: (name != choice, -splits[name].explained))
