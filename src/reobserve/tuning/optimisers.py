@@ -1,4 +1,4 @@
-"""Optimisers that search the unit cube for the minimum of a function within a budget."""
+"""Differential evolution in the unit cube within a budget, and its first points."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ class SpentError(Exception):
     """The budget is spent."""
 
 
-def _differential_evolution(batch: Batch, dimension: int, budget: int, seed: int) -> None:
+def search(batch: Batch, dimension: int, budget: int, seed: int) -> None:
+    """Search the unit cube for the minimum, or raise `SpentError` after ``budget`` evaluations."""
     from scipy.optimize import differential_evolution
 
     left = budget
@@ -47,36 +48,6 @@ def _differential_evolution(batch: Batch, dimension: int, budget: int, seed: int
         )  # fmt: skip
     except Exception as error:  # scipy replaces a ValueError or a TypeError by its own
         raise raised or error from None
-
-
-def _nelder_mead(batch: Batch, dimension: int, budget: int, seed: int) -> None:
-    from scipy.optimize import minimize
-
-    points = sobol(dimension, seed)
-    values = batch(points[:budget])
-    left = budget - len(values)
-
-    def one(point: Array) -> float:
-        nonlocal left
-        if left == 0:
-            raise SpentError
-        left -= 1
-        return batch([point])[0]
-
-    for start in np.argsort(values, kind="stable"):  # the next best where a simplex has closed
-        first = points[start]
-        corners = first + 0.15 * np.where(first < 0.5, 1.0, -1.0) * np.eye(dimension)
-        minimize(
-            one, first, method="Nelder-Mead", bounds=[(0.0, 1.0)] * dimension,
-            options={"initial_simplex": np.vstack([first, corners]), "xatol": 1e-3,
-                     "fatol": 1e-4, "maxfev": budget + 1},
-        )  # fmt: skip
-
-
-SEARCHES: dict[str, Callable[[Batch, int, int, int], None]] = {
-    "differential_evolution": _differential_evolution,
-    "nelder_mead": _nelder_mead,
-}
 
 
 def sobol(dimension: int, seed: int) -> Array:

@@ -5,30 +5,26 @@ is normalised, so that 1 is what an estimate of zero earns. A record on which an
 or diverges, or has a worse score than ``failed``, counts as ``failed``.
 
 Differential evolution (Storn & Price 1997) starts from 16 points of Sobol's sequence in the ranges,
-on logarithmic scales unless a range says otherwise. A second optimiser checks it: the simplex of
-Nelder & Mead (1965) from the best of the same kind of points.
+on logarithmic scales unless a range says otherwise.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
-from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
-from reobserve.core.arguments import as_kind, as_whole, as_word
+from reobserve.core.arguments import as_whole, as_word
 from reobserve.core.errors import InputError, ReobserveError, one_line, shown
-from reobserve.core.files import read_text, write_text
 from reobserve.core.matrices import as_scalar
 from reobserve.core.progress import progress
-from reobserve.tuning.optimisers import SEARCHES, Array, SpentError
+from reobserve.tuning.optimisers import Array, SpentError, search
 
 Settings = dict[str, float]
 Outcome = tuple[float, int, str]  # the objective, failed records, and why the last one failed
@@ -119,11 +115,8 @@ def tune(
     budget: int = 200,
     seed: int = 1,
     *,
-    optimiser: str = "differential_evolution",
     failed: float = 3.0,
     workers: int = 1,
-    log: str | Path | None = None,
-    about: str = "",
 ) -> Tuned:
     """Search ranges for the settings of an observer with the best scores on records.
 
@@ -147,24 +140,17 @@ def tune(
         Evaluations, each of one choice of settings on all records.
     seed
         Of the random numbers of the search.
-    optimiser
-        ``differential_evolution`` or ``nelder_mead``.
     failed
         The worst score, and that of a record on which an observer raises an error of this package
         or of arithmetic.
     workers
         Threads. Compiled loops run at once, Python takes turns.
-    log
-        A file of JSON lines to which each evaluation is added. A later call with the same arguments
-        takes them from there, after it was killed, say, or with a larger budget.
-    about
-        What ``make``, ``records`` and ``score`` are: a log with another text is refused.
 
     Raises
     ------
     InputError
         If a range, the budget, the seed or another argument cannot be used; a score is negative or
-        no number; every choice fails on all records; or the log is of other arguments.
+        no number; or every choice fails on all records.
 
     Examples
     --------
@@ -184,10 +170,8 @@ def tune(
     budget = as_whole("budget", budget, 1, _MOST)
     seed = as_whole("seed", seed, 0, 2**63 - 1)
     workers = as_whole("workers", workers, 1, 1024)
-    as_word("optimiser", optimiser, tuple(SEARCHES))
     if as_scalar("failed", failed) <= 0:
         raise InputError("failed", f"{failed:g} must be greater than zero")
-    as_kind("about", about, str)
     for name, function in (("make", make), ("score", score)):
         if not callable(function):
             raise InputError(name, f"{shown(function)} must be a function")
@@ -195,16 +179,11 @@ def tune(
         raise InputError("records", f"{shown(records)} must be one record or more")
     if len(records) > _MOST:
         raise InputError("records", f"must be {_MOST} or fewer")
-    head = {
-        "ranges": {name: [span.low, span.high, span.scale] for name, span in bounds.items()},
-        "records": len(records), "seed": seed, "optimiser": optimiser, "failed": float(failed),
-        "about": about,
-    }  # fmt: skip
     objective = Objective(make, records, score, float(failed))
     history: list[Evaluation] = []
     reason = ""
     shown_as = f"{{}} of {budget} evaluations, best score {{:.4g}}"
-    with _Log(log, head) as known, _mapping(workers) as mapped, progress(shown_as) as tell:
+    with _mapping(workers) as mapped, progress(shown_as) as tell:
 
         def batch(points: Iterable[Array]) -> list[float]:
             nonlocal reason
@@ -214,9 +193,8 @@ def tune(
             ]
             objectives = []
             for settings, (value, failures, why) in zip(
-                trials, mapped(lambda one: known.get(one) or objective(one), trials), strict=True
+                trials, mapped(objective, trials), strict=True
             ):
-                known.add(settings, (value, failures, why))
                 best = min(value, history[-1].best if history else math.inf)
                 history.append(Evaluation(len(history) + 1, value, best, settings, failures))
                 reason = why or reason
@@ -225,7 +203,7 @@ def tune(
             return objectives
 
         with suppress(SpentError):
-            SEARCHES[optimiser](batch, len(bounds), budget, seed)
+            search(batch, len(bounds), budget, seed)
     if all(trial.failures == len(records) for trial in history):
         problem = f"hold no settings that work on a record, of {len(history)} that were tried"
         raise InputError("ranges", f"{problem}; the last one: {reason}")
@@ -299,55 +277,3 @@ def _mapping(workers: int) -> Iterator[Callable[..., Iterable[Outcome]]]:
         return
     with ThreadPoolExecutor(workers) as pool:
         yield pool.map
-
-
-class _Log:
-    """Evaluations by their settings, in a file if there is a name of one."""
-
-    def __init__(self, path: str | Path | None, head: Mapping[str, Any]) -> None:
-        self._path = path
-        self._stream: TextIO | None = None
-        self._known: dict[str, Outcome] = {}
-        self._head = json.dumps(head)
-        if path is not None and Path(path).exists():
-            self._read(path)
-
-    def _read(self, path: str | Path) -> None:
-        head, *lines = read_text(path).splitlines() or [""]
-        if head != self._head:
-            problem = "is the log of another search: delete it, or name another file"
-            raise InputError(str(path), problem)
-        for number, line in enumerate(lines, start=2):
-            try:
-                settings, value, failures, why = json.loads(line)
-                self._known[json.dumps(settings)] = (float(value), int(failures), str(why))
-            except (ValueError, TypeError):
-                if number <= len(lines):  # the last line of a process that was killed is left out
-                    problem = f"line {number} is no evaluation: delete the file, or name another"
-                    raise InputError(str(path), problem) from None
-
-    def __enter__(self) -> _Log:
-        if self._path is not None:
-            lines = [self._head, *(self._line(key, result) for key, result in self._known.items())]
-            write_text(self._path, "".join(f"{line}\n" for line in lines))
-            self._stream = open(self._path, "a", encoding="utf-8", newline="\n")
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._stream is not None:
-            self._stream.close()
-
-    def get(self, settings: Settings) -> Outcome | None:
-        return self._known.get(json.dumps(settings))
-
-    def add(self, settings: Settings, outcome: Outcome) -> None:
-        key = json.dumps(settings)
-        if key not in self._known:
-            self._known[key] = outcome
-            if self._stream is not None:
-                self._stream.write(self._line(key, outcome) + "\n")
-                self._stream.flush()
-
-    @staticmethod
-    def _line(key: str, outcome: Outcome) -> str:
-        return f"[{key}, {json.dumps(list(outcome))[1:]}"

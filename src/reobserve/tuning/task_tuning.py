@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from reobserve.core.errors import located
@@ -37,25 +36,15 @@ def tune_method(
         repeats = []
         for k in range(training.repeats):
             with located(f"{task.file}: {task.place}.{method}"):
-                result = tune_once(task, method, name, k)
+                result = tune(
+                    *_search(task, method, name, k), task.budget, task.seed + k, failed=WORST
+                )
             repeats.append(_as_repeat(scorer, method, name, result))
             flagged = "".join(f", {setting} at its edge" for setting in result.edges)
             about = f"{task.name}, {method}, {training.title} {k + 1}"
             tell(f"{about}: error {result.score:.4g} on training records{flagged}")
         tuned[name] = TunedOn(task.digest(method, name), repeats)
     return TunedMethod(tuned, _cost(task, method, tuned[task.main].repeats[0].settings))
-
-
-def tune_once(
-    task: Task, method: str, training: str, repeat: int, *, log: Path | None = None, **options: Any
-) -> Tuned:
-    """Tune a method once, on the records of one repeat. ``options`` are those of `tune`."""
-    about = f"{task.name} {task.digest(method, training)} {repeat}"
-    return tune(
-        *_search(task, method, training, repeat),
-        **{"budget": task.budget, "seed": task.seed + repeat, "failed": WORST, **options},
-        log=log, about=about,
-    )  # fmt: skip
 
 
 def objective(task: Task, method: str, training: str, repeat: int, settings: Settings) -> float:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,9 +29,8 @@ def tuned(budget: int = 200, **options: Any) -> Tuned:
     return tune(lambda one: one, RANGES, RECORDS, score, budget, 7, **options)
 
 
-@pytest.mark.parametrize("optimiser", ["differential_evolution", "nelder_mead"])
-def test_minimum_of_a_paraboloid_is_found(optimiser: str) -> None:
-    found = tuned(optimiser=optimiser)
+def test_minimum_of_a_paraboloid_is_found() -> None:
+    found = tuned()
     assert len(found.history) == 200
     assert found.objective == pytest.approx(LEAST, abs=5e-3)
     assert found.settings["gain"] == pytest.approx(3.0, rel=0.05)
@@ -48,12 +45,11 @@ def test_one_dimensional_minimum_is_found_within_0_1_percent() -> None:
     assert found.settings["gain"] == pytest.approx(0.02, rel=1e-3)
 
 
-@pytest.mark.parametrize("optimiser", ["differential_evolution", "nelder_mead"])
 @pytest.mark.parametrize("budget", [3, 16, 45])
-def test_history_does_not_depend_on_workers_or_budget(optimiser: str, budget: int) -> None:
-    one, two = (tuned(60, optimiser=optimiser, workers=workers) for workers in (1, 2))
+def test_history_does_not_depend_on_workers_or_budget(budget: int) -> None:
+    one, two = (tuned(60, workers=workers) for workers in (1, 2))
     assert one == two
-    assert tuned(budget, optimiser=optimiser).history == one.history[:budget]
+    assert tuned(budget).history == one.history[:budget]
     assert one.history != tune(lambda s: s, RANGES, RECORDS, score, 60, 8).history
     best = math.inf
     for number, trial in enumerate(one.history, start=1):
@@ -64,32 +60,6 @@ def test_history_does_not_depend_on_workers_or_budget(optimiser: str, budget: in
         assert trial.best == best
     assert one.after(60) == one.settings
     assert one.after(20) == min(one.history[:20], key=lambda t: t.objective).settings
-
-
-def test_log_avoids_repeated_evaluations(tmp_path: Path) -> None:
-    log, made = tmp_path / "log.jsonl", []
-
-    def make(settings: Settings) -> Settings:
-        if len(made) == 21:
-            raise KeyboardInterrupt
-        made.append(settings)
-        return settings
-
-    with pytest.raises(KeyboardInterrupt):
-        tune(make, RANGES, RECORDS, score, 40, 7, log=log)
-    log.write_text(log.read_text() + '[{"gain": 1.0, "off')  # as left by a killed process
-    again: list[Settings] = []
-    found = tune(lambda one: again.append(one) or one, RANGES, RECORDS, score, 40, 7, log=log)
-    assert found == tuned(40)
-    assert len(again) == len({json.dumps(t.settings) for t in found.history}) - 21
-    assert tune(pytest.fail, RANGES, RECORDS, score, 40, 7, log=log) == found
-    with pytest.raises(InputError, match=r"log\.jsonl: is the log of another search"):
-        tune(make, RANGES, RECORDS, score, 40, 8, log=log)
-    with pytest.raises(InputError, match=r"log\.jsonl: is the log of another search"):
-        tune(make, RANGES, RECORDS, score, 40, 7, log=log, about="other records")
-    log.write_text(log.read_text().replace("[{", "{", 3))
-    with pytest.raises(InputError, match="line 2 is no evaluation"):
-        tune(make, RANGES, RECORDS, score, 40, 7, log=log)
 
 
 def test_settings_at_range_limits_are_flagged() -> None:
@@ -146,7 +116,6 @@ def test_settings_that_always_fail_are_reported() -> None:
         ({"seed": -1}, "seed: -1 must be a whole number"),
         ({"seed": "a"}, "seed: 'a' must be a whole number"),
         ({"workers": 0}, "workers: 0 must be a whole number, from 1 to 1024"),
-        ({"optimiser": "guess"}, "optimiser: 'guess' must be one of differential_evolution, nel"),
         ({"failed": 0.0}, "failed: 0 must be greater than zero"),
         ({"records": []}, r"records: \[\] must be one record or more"),
         ({"make": 3}, "make: 3 must be a function"),
