@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.arguments import MOST_STATES, as_kind, as_whole
+from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
 from reobserve.core.matrices import Matrix, as_floats, as_matrix, as_positive
@@ -216,19 +216,19 @@ class IntegralGains:
 
 
 @finite("K2")
-def matched_integrator(K2: ArrayLike, interval: float, size: int = 3) -> IntegralGains:
+def matched_integrator(K2: ArrayLike, interval: float) -> IntegralGains:
     """The proportional-integral observer that K1 = I approximates for a small interval.
 
     With K1 = I, v = K2 / (1 - exp(-s tau)) w~, and 1 / (1 - exp(-x)) = 1/x + 1/2 + O(x): an
     integrator of gain K2 / tau with a proportional gain K2 / 2, up to frequencies of about
-    1 / tau. ``K2`` [N m s] is a number, a diagonal or ``size`` x ``size``; ``interval`` [s].
+    1 / tau. ``K2`` [N m s] is a number, a diagonal or 3 x 3; ``interval`` [s].
 
     Raises
     ------
     InputError
         If ``K2`` has another shape or ``interval`` is not above zero.
     """
-    gain = as_matrix("K2", K2, as_whole("size", size, 1, MOST_STATES))
+    gain = as_matrix("K2", K2, 3)
     return IntegralGains(gain / as_positive("interval", interval), gain / 2)
 
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.arguments import MOST_STATES, as_kind, as_whole
+from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
 from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_rows, as_scalar
@@ -79,11 +79,12 @@ def lemma1_sides(
 class Theorem1:
     """Constants of the theorem for given weights, and whether its conditions hold.
 
-    Chen & Saif 2007, (16), (17) and Theorem 1.
+    Chen & Saif 2007, after (11), (16), after (16), (17) and Theorem 1.
 
-    ``epsilon1`` [N m s] must be above zero and ``learning_norm`` = ||epsilon2 K1^T K1|| [-] at most
-    one. Then V of (13) has dV/dt <= -epsilon1 |w~|^2 - rho1 |e|^2 + epsilon3 |d|^2 (17); in (16)
-    the last sign is printed as a minus.
+    (13) adds quantities of different units, which the weights hide. Lambda enters with the smallest
+    eigenvalue of its symmetric part. ``epsilon1`` [N m s] must be above zero and ``learning_norm``
+    = ||epsilon2 K1^T K1|| [-] at most one. Then V of (13) has dV/dt <= -epsilon1 |w~|^2 - rho1
+    |e|^2 + epsilon3 |d|^2 (17); in (16) the last sign is printed as a minus.
     """
 
     epsilon1: float
@@ -108,45 +109,6 @@ class Theorem1:
         )
 
 
-@finite("fault_matrix, K1, K2, gamma1, gamma2, gamma3, gamma4, rho1")
-def theorem1(
-    observer_gain: ArrayLike,
-    fault_matrix: ArrayLike,
-    K1: ArrayLike,
-    K2: ArrayLike,
-    eta: float,
-    *,
-    gamma1: float,
-    gamma2: float,
-    gamma3: float,
-    gamma4: float,
-    rho1: float,
-    size: int = 3,
-) -> Theorem1:
-    """Evaluate the theorem for given weights gamma_1..4 and rho_1, all above zero.
-
-    Chen & Saif 2007, after (11), Theorem 1 and after (16).
-
-    ``observer_gain`` Lambda [N m s], ``fault_matrix`` B_f [-], ``K1`` [-] and ``K2`` [N m s] are a
-    number, a diagonal or ``size`` x ``size``; ``eta`` [N m s] is the constant of Assumption 2, at
-    least zero. (13) adds quantities of different units, which the weights hide. Lambda enters with
-    the smallest eigenvalue of its symmetric part.
-
-    Raises
-    ------
-    InputError
-        If a weight is not above zero, ``eta`` is below zero or a shape is wrong.
-    """
-    design = _Design.check(observer_gain, fault_matrix, K1, K2, eta, size)
-    return design.evaluate(
-        as_positive("gamma1", gamma1),
-        as_positive("gamma2", gamma2),
-        as_positive("gamma3", gamma3),
-        as_positive("gamma4", gamma4),
-        as_positive("rho1", rho1),
-    )
-
-
 _LARGEST = 1e150  # norm whose square is a float
 
 
@@ -167,21 +129,19 @@ class _Design:
         K1: ArrayLike,
         K2: ArrayLike,
         eta: float,
-        size: int,
     ) -> _Design:
         if as_scalar("eta", eta) < 0:
             raise InputError("eta", f"{eta:g} must not be below zero")
-        size = as_whole("size", size, 1, MOST_STATES)
-        full = as_matrix("observer_gain", observer_gain, size)
-        fault = as_matrix("fault_matrix", fault_matrix, size)
+        full = as_matrix("observer_gain", observer_gain, 3)
+        fault = as_matrix("fault_matrix", fault_matrix, 3)
         if not (fault.T @ fault).any():
             raise InputError("fault_matrix", "must not be zero, nor so small that its square is")
-        if not as_matrix("K2", K2, size).any():
+        if not as_matrix("K2", K2, 3).any():
             raise InputError("K2", "must not be zero, the estimate would never change")
         sizes = (
             float(np.linalg.norm(fault.T @ fault, np.inf)),
-            _norm(as_matrix("K1", K1, size)),
-            _norm(as_matrix("K2", K2, size)),
+            _norm(as_matrix("K1", K1, 3)),
+            _norm(as_matrix("K2", K2, 3)),
         )
         norms = zip(("fault_matrix", "K1", "K2"), sizes, strict=True)
         for name, norm in (("observer_gain", np.abs(full).max()), *norms):
@@ -233,8 +193,6 @@ def certify(
     K1: ArrayLike,
     K2: ArrayLike,
     eta: float = 0.0,
-    *,
-    size: int = 3,
 ) -> IloCertificate:
     """Find weights with which Theorem 1 certifies a design, if any exist.
 
@@ -248,13 +206,15 @@ def certify(
 
     Parameters
     ----------
-    observer_gain, fault_matrix, K1, K2, eta, size
-        See `theorem1`.
+    observer_gain, fault_matrix, K1, K2
+        Lambda [N m s], B_f [-], K1 [-] and K2 [N m s]: a number, a diagonal or 3 x 3.
+    eta
+        The constant of Assumption 2 [N m s], at least zero.
 
     Raises
     ------
     InputError
-        As `theorem1`.
+        If ``eta`` is below zero or a shape is wrong.
 
     Examples
     --------
@@ -264,12 +224,12 @@ def certify(
     >>> print(found.certified, round(found.required_observer_gain, 1))
     True 1733.5
     """
-    design = _Design.check(observer_gain, fault_matrix, K1, K2, eta, size)
+    design = _Design.check(observer_gain, fault_matrix, K1, K2, eta)
     dc_error = _dc_error(
-        as_matrix("observer_gain", observer_gain, size),
-        as_matrix("fault_matrix", fault_matrix, size),
-        as_matrix("K1", K1, size),
-        as_matrix("K2", K2, size),
+        as_matrix("observer_gain", observer_gain, 3),
+        as_matrix("fault_matrix", fault_matrix, 3),
+        as_matrix("K1", K1, 3),
+        as_matrix("K2", K2, 3),
     )
     needed = design.threshold + eta
     lost = f"the design leaves up to {100 * dc_error:.3g}% of a constant fault unestimated"

@@ -32,7 +32,6 @@ from reobserve import (
 from reobserve.core.arguments import MOST_COUNTED, as_poles
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.matrices import as_floats, as_numbers, as_samples
-from reobserve.synthesis.ilo_certificate import certify, theorem1
 from tests.reobserve.bad_input.outcome import limited_memory
 from tests.reobserve.bad_input.test_arguments import is_numeric
 
@@ -54,10 +53,6 @@ OTHERS: dict[str, Callable[[Any], object]] = {
         VAN_DER_POL, ["a"], ["a", "w"], order=1, sampling_period=0.01, poles=[-1, -2], expanded=n
     ),
     "observers.run.Run.record: number": MANY.record,
-    "synthesis.ilo_certificate.certify: size": lambda n: certify(500.0, 1, 0.5, 50.0, size=n),
-    "synthesis.ilo_certificate.theorem1: size": lambda n: theorem1(
-        500.0, 1, 0.5, 50.0, 0.01, gamma1=1, gamma2=1, gamma3=1, gamma4=1, rho1=0.5, size=n
-    ),
     "systems.linear.LinearModel.by_row: rows": lambda n: KALMAN.model.by_row(
         {"Q": [[[1.0]]]}, n, {}, None
     ),

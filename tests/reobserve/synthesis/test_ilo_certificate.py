@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
 from reobserve.core.errors import InputError
 from reobserve.synthesis.ilo_accuracy import error_transfer
-from reobserve.synthesis.ilo_certificate import bound18, certify, lemma1_sides, theorem1
+from reobserve.synthesis.ilo_certificate import Theorem1, _Design, bound18, certify, lemma1_sides
 from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 
 Array = NDArray[np.float64]
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
+
+
+def evaluated(observer_gain: ArrayLike, fault: float, K1: float, K2: float, eta: float,
+              *weights: float) -> Theorem1:  # fmt: skip
+    """Theorem 1 for the weights gamma_1..4 and rho_1."""
+    return _Design.check(observer_gain, fault, K1, K2, eta).evaluate(*weights)
 
 
 def test_lemma1_holds_on_random_cases() -> None:
@@ -37,7 +43,7 @@ def test_lemma1_agrees_with_hand_calculation() -> None:
 
 
 def test_theorem1_agrees_with_hand_calculation() -> None:
-    found = theorem1(10.0, 2.0, 0.5, 0.1, 1.0, gamma1=1, gamma2=0.5, gamma3=2, gamma4=4, rho1=0.25)
+    found = evaluated(10.0, 2.0, 0.5, 0.1, 1.0, 1, 0.5, 2, 4, 0.25)
     factor = 1 + 0.25 + 4 / 4
     assert found.epsilon1 == pytest.approx(20 - 2 - 4 - 4 * factor * 0.01)
     assert found.epsilon2 == pytest.approx(2.5 * factor)
@@ -50,8 +56,7 @@ def test_theorem1_agrees_with_hand_calculation() -> None:
 def test_identity_learning_is_never_certified() -> None:
     rng = np.random.default_rng(2)
     for weights in 10 ** rng.uniform(-6, 6, (2000, 5)):
-        names = ("gamma1", "gamma2", "gamma3", "gamma4", "rho1")
-        found = theorem1(1e9, 1.0, 1.0, 1e-3, 0.0, **dict(zip(names, weights, strict=True)))
+        found = evaluated(1e9, 1.0, 1.0, 1e-3, 0.0, *weights)
         assert found.epsilon2 > 1
         assert not found.holds
     assert not certify(1e9, 1.0, 1.0, 1e-3).certified
@@ -135,8 +140,7 @@ def test_certified_error_bound_is_at_least_the_fault() -> None:
     k1, tiny = 0.9, 1e-6
     gamma2, huge = 1 / k1 - 1, 1e12
     rho1 = 1 / (k1**2 * (1 + tiny + gamma2)) - 1 - 1 / huge
-    weights = {"gamma1": tiny, "gamma2": gamma2, "gamma3": huge, "gamma4": huge}
-    found = theorem1(1e30, 1.0, k1, 1.0, 0.0, **weights, rho1=rho1 * (1 - 1e-9))
+    found = evaluated(1e30, 1.0, k1, 1.0, 0.0, tiny, gamma2, huge, huge, rho1 * (1 - 1e-9))
     assert found.holds
     assert np.sqrt(found.epsilon3 / found.rho1) == pytest.approx(1 / (1 - k1), rel=1e-4)
 
@@ -253,8 +257,7 @@ def test_bound18_holds_and_is_loose_on_a_certified_design() -> None:
     # The promised RMS error is above the largest fault, 2 |U|.
     promised = np.sqrt(design.theorem.epsilon3 / design.theorem.rho1) * k_d
     assert promised > 2 * np.linalg.norm([0.5, -0.2, 0.3])
-    ones = dict.fromkeys(("gamma1", "gamma2", "gamma3", "gamma4", "rho1"), 1)
-    uncertified = theorem1(1.0, 1.0, 1.0, 1.0, 0.0, **ones)
+    uncertified = evaluated(1.0, 1.0, 1.0, 1.0, 0.0, 1, 1, 1, 1, 1)
     with pytest.raises(InputError, match="conditions"):
         bound18(uncertified, w, e, k_d)
 
@@ -263,12 +266,12 @@ def test_observer_gain_enters_by_its_symmetric_part() -> None:
     """x^T Lambda x does not depend on the antisymmetric part: lambda_min is 10 for any of its
     sizes.
     """
-    weights = {"gamma1": 1, "gamma2": 0.5, "gamma3": 2, "gamma4": 4, "rho1": 0.25}
+    weights = 1.0, 0.5, 2.0, 4.0, 0.25
     turned = 10 * np.eye(3) + 7 * np.array([[0, 1, -2], [-1, 0, 3], [2, -3, 0.0]])
-    found = theorem1(turned, 2.0, 0.5, 0.1, 1.0, **weights)
-    assert found == theorem1(10.0, 2.0, 0.5, 0.1, 1.0, **weights)
+    found = evaluated(turned, 2.0, 0.5, 0.1, 1.0, *weights)
+    assert found == evaluated(10.0, 2.0, 0.5, 0.1, 1.0, *weights)
     # With [[2, 4], [0, 2]] in a corner the symmetric part has the eigenvalue 2 - 2.
     sheared = 10 * np.eye(3)
     sheared[:2, :2] = [[2, 4], [0, 2]]
-    none = theorem1(sheared, 2.0, 0.5, 0.1, 0.0, **weights)
+    none = evaluated(sheared, 2.0, 0.5, 0.1, 0.0, *weights)
     assert none.epsilon1 == pytest.approx(0 - 4 - 4 * (1 + 0.25 + 4 / 4) * 0.01)

@@ -19,7 +19,7 @@ from reobserve.synthesis.extended_state.gamma_bound import as_gamma
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import Gains
 from reobserve.synthesis.ilo_accuracy import error_transfer, predicted_rms_error
-from reobserve.synthesis.ilo_certificate import bound18, certify, theorem1
+from reobserve.synthesis.ilo_certificate import bound18, certify
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_map
 from reobserve.synthesis.ilo_stability import continuous_stability
@@ -118,14 +118,8 @@ def test_largest_numbers_of_theorem_1_and_gamma_are_accepted() -> None:
 
 
 def test_negative_mismatch_bound_is_refused() -> None:
-    weights: dict[str, Any] = {
-        "gamma1": 1.0,
-        "gamma2": 0.5,
-        "gamma3": 2.0,
-        "gamma4": 4.0,
-        "rho1": 0.25,
-    }
-    theorem = theorem1(10.0, 2.0, 0.1, 0.1, 1.0, **weights)
+    theorem = certify(3.0, 1.0, 0.5, 0.5).theorem
+    assert theorem is not None
     with pytest.raises(InputError, match=r"^k_d: -1e-09 must not be below zero$"):
         bound18(theorem, np.ones((3, 3)), np.ones((3, 3)), -1e-9)
     assert bound18(theorem, np.ones((3, 3)), np.ones((3, 3)), 0.0)[1] == 0.0

@@ -13,7 +13,7 @@ from reobserve.core.documents import parse_yaml
 from reobserve.estimation.families import family
 from reobserve.estimation.families.file import load_design, save_design
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.synthesis.ilo_certificate import certify, theorem1
+from reobserve.synthesis.ilo_certificate import certify
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.systems.linear import LinearModel
 from reobserve.tuning.fit import fit
@@ -84,7 +84,7 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.ilo_accuracy.error_transfer": ([1.0, 2.0], law),
         "synthesis.ilo_accuracy.sampled_error_transfer": ([1.0, 2.0], law),
         "synthesis.ilo_accuracy.predicted_rms_error": ([[1.0, 0, 0]], [10.0], law),
-        "synthesis.ilo_accuracy.matched_integrator": (500.0, 0.01, 3),
+        "synthesis.ilo_accuracy.matched_integrator": (500.0, 0.01),
         "synthesis.ilo_accuracy.pi_error_transfer": (
             [1.0], INERTIA, 500.0, np.eye(3), 1000.0, 10.0,
         ),
@@ -102,23 +102,11 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.high_gain_design.high_gain": (3, 2.0),
         "synthesis.high_gain_design.high_gain_over_time": (2, 2.0, np.eye(2), [0.0, 1.0]),
         "synthesis.h_infinity_norm.h_infinity_norm": (
-            [[-1.0]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], 1e-9,
+            [[-1.0]], [[1.0]], [[1.0]], [[1.0]], 1e-9,
         ),
         "synthesis.definiteness.ball_matrix": negative,
         "synthesis.definiteness.prove_negative_definite": negative,
     })  # fmt: skip
-
-    def proved(
-        observer_gain: Any, faults: Any, K1: Any, K2: Any, eta: Any, *weights: Any
-    ) -> object:
-        names = ("gamma1", "gamma2", "gamma3", "gamma4", "rho1")
-        return theorem1(
-            observer_gain, faults, K1, K2, eta, **dict(zip(names, weights, strict=True))
-        )
-
-    weights = (1.0, 1.0, 1.0, 1.0, 0.5)
-    arguments = (500.0, np.eye(3), 0.5, 50.0, 0.01, *weights)
-    yield Call("synthesis.ilo_certificate.theorem1", proved, arguments)
 
 
 def _designs() -> Iterator[Call]:

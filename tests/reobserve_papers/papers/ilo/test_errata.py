@@ -8,7 +8,7 @@ import pytest
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo import ILO
-from reobserve.synthesis.ilo_certificate import certify, lemma1_sides, theorem1
+from reobserve.synthesis.ilo_certificate import _Design, certify, lemma1_sides
 from reobserve.systems.rigid_body import RigidBody
 from reobserve_papers.plants.satellite import Satellite
 from reobserve_papers.signals.inputs import Signal
@@ -19,7 +19,7 @@ STUCK = [{"kind": "constant", "axis": 1, "from": 0.5, "size": 0.5}]
 
 def test_printed_norm_of_assumption_1_violates_inequality_17() -> None:
     # w~ = 0, e(t - tau) = 0 and e = d = (1, 1, 1): dV/dt = e.e = 3, and the maximum norm of d is 1.
-    design = theorem1(1e3, 1.0, 0.1, 1.0, 0.0, gamma1=10, gamma2=10, gamma3=10, gamma4=10, rho1=0.1)
+    design = _Design.check(1e3, 1.0, 0.1, 1.0, 0.0).evaluate(10, 10, 10, 10, 0.1)
     assert design.holds
     assert design.epsilon3 == pytest.approx(1.2 * 1.2)
     d = np.ones(3)
