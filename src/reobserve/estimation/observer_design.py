@@ -121,13 +121,7 @@ class Design(ABC):
 
     @classmethod
     def designed(cls, tree: Tree) -> Self:
-        """The design of a model's file, with gains found where it leaves them out.
-
-        Raises
-        ------
-        InputError
-            As `read` and `find_gains`.
-        """
+        """The design of a model's file, with gains found where it leaves them out."""
         return cls.of(*cls.read(tree))
 
     @classmethod

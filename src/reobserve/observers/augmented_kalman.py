@@ -231,11 +231,6 @@ class AugmentedKalmanFilter(GaussianFilter):
             Its mean, shape (q,); left out, zeros.
         unknown_input_covariance
             A number, q numbers or (q, q).
-
-        Raises
-        ------
-        InputError
-            If one of them is not that.
         """
         n, q = self.model.states, self.unknown_inputs
         d = np.zeros(q) if unknown_input is None else as_vector("unknown_input", unknown_input, q)

@@ -38,11 +38,6 @@ def check_noise_memory(observer: Any) -> None:
     """Refuse a memory that is shorter than a row, or an R that can hardly be seen.
 
     The latter is decided for linear models, by the covariance that the filter comes to.
-
-    Raises
-    ------
-    InputError
-        If it is so.
     """
     memory, period = observer.noise_memory, observer.sampling_period
     if not observer.has_kalman_gain:

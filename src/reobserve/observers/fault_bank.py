@@ -227,11 +227,6 @@ class FaultBank(IMM):
             of jumping, and of drifting, adds: T ``jump``^2 and T ``drift``^2.
         u
             As `GaussianFilter.init`.
-
-        Raises
-        ------
-        InputError
-            If one of them is not that.
         """
         n, q = self.fault_matrix.shape
         f = np.zeros(q) if fault is None else as_vector("fault", fault, q)

@@ -144,13 +144,7 @@ def inputs_of_rows(sample: Array | None, record: Record) -> Array:
 
 
 def sample_before(u: ArrayLike | None, outputs: int, inputs: int) -> Array | None:
-    """The sample of a state that stands a period before its first row, or None if it does not.
-
-    Raises
-    ------
-    InputError
-        If u is not so many finite numbers.
-    """
+    """The sample of a state that stands a period before its first row, or None if it does not."""
     if u is None:
         return None
     held = as_samples("u", as_row("u", u), inputs)[0]
@@ -158,13 +152,7 @@ def sample_before(u: ArrayLike | None, outputs: int, inputs: int) -> Array | Non
 
 
 def check_posterior(name: str, posterior: Gaussian, states: int, outputs: int) -> Gaussian:
-    """The posterior, of this size: compiled loops would read beyond its end.
-
-    Raises
-    ------
-    InputError
-        If it is of another size, or not finite.
-    """
+    """The posterior, of this size: compiled loops would read beyond its end."""
     shapes = [
         getattr(getattr(posterior, part, None), "shape", ())
         for part in ("mean", "covariance", "error")
@@ -177,13 +165,7 @@ def check_posterior(name: str, posterior: Gaussian, states: int, outputs: int) -
 
 
 def check_held(held: Any, observer: Any, name: str = "state.held") -> Matrices | None:
-    """Check what a state holds by name, as a filter takes it: loops would read beyond its end.
-
-    Raises
-    ------
-    InputError
-        If it is held for another filter, or is of another size or not finite.
-    """
+    """Check what a state holds by name, as a filter takes it: loops would read beyond its end."""
     if held is None:
         return None
     n, p, _ = observer._sizes
@@ -214,13 +196,7 @@ def check_time(time: Any) -> float | None:
 
 
 def check_noise(value: Any, learned: bool, outputs: int) -> Array | None:
-    """The variances of R in a state, which only a filter that estimates them has.
-
-    Raises
-    ------
-    InputError
-        If they are of another filter, or not above zero.
-    """
+    """The variances of R in a state, which only a filter that estimates them has."""
     if not learned:
         if value is not None:
             raise InputError("state.noise", "is of a filter with noise_memory, which this has not")
@@ -234,13 +210,7 @@ def check_noise(value: Any, learned: bool, outputs: int) -> Array | None:
 
 
 def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:
-    """The sample of a state: y, of which any may be nan, and u.
-
-    Raises
-    ------
-    InputError
-        If it is of another size, or u is not finite.
-    """
+    """The sample of a state: y, of which any may be nan, and u."""
     if value is None:
         return None
     sample = as_numbers("state.sample", value, writable=False)

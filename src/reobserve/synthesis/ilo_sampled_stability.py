@@ -46,11 +46,6 @@ def sampled_map(
 
     The estimate v_k = K1 v_{k-1} + K2 (rate error at t_k) is held until t_k + ``interval``; the
     rate error in between is integrated exactly, at rest and without a fault.
-
-    Raises
-    ------
-    InputError
-        If it is no such law, or its numbers are too large for floats.
     """
     decay, drive = held_blocks(law)
     rates = np.hstack([decay - drive @ law.K2, -drive @ law.K1])
@@ -78,11 +73,6 @@ def sampled_stability(
     ----------
     law
         See `LearningLaw`; `SampledILO.law` is one.
-
-    Raises
-    ------
-    InputError
-        If it is no such law.
 
     Examples
     --------
@@ -117,11 +107,6 @@ def sampled_limit_gain(
     ----------
     law
         See `LearningLaw`; `SampledILO.law` is one.
-
-    Raises
-    ------
-    InputError
-        If it is no such law, or its numbers are too large for floats.
 
     Examples
     --------

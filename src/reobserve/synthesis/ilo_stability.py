@@ -60,11 +60,6 @@ def continuous_stability(
 
     If the radius of K1 is one, decay is never exponential: "marginal" then says that no root was
     found right of ``counted_right_of``. The same is said of a design too close to call.
-
-    Raises
-    ------
-    InputError
-        If it is no such law.
     """
     as_kind("law", law, LearningLaw)
     radius = spectral_radius(law.K1)

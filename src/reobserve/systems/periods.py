@@ -28,11 +28,6 @@ def as_periods(key: str, value: Any, size: int, names: Sequence[str] | None) -> 
         names of signals.
     size, names
         Of the signals.
-
-    Raises
-    ------
-    InputError
-        If it is not that.
     """
     if value is None:
         return None

@@ -36,13 +36,7 @@ FAMILIES = {
 
 
 def family(name: Any, place: str = "kind") -> type[Design]:
-    """The class of a family.
-
-    Raises
-    ------
-    InputError
-        If there is none of that name.
-    """
+    """The class of a family."""
     if not isinstance(name, str) or name not in FAMILIES:
         raise InputError(place, f"{shown(name)} must be one of {', '.join(FAMILIES)}")
     module, _, attribute = FAMILIES[name].partition(":")

@@ -79,11 +79,6 @@ def error_system(system: AugmentedSystem, gains: Gains) -> tuple[Matrix, Matrix]
     """Ao = A~ - L C~ and Eo = I + Ld C~.
 
     Indriawati, Agustinah & Jazidie, (9) to (11), (15) and (20).
-
-    Raises
-    ------
-    InputError
-        If these are no system and its gains.
     """
     as_kind("system", system, AugmentedSystem)
     as_kind("gains", gains, Gains)
@@ -150,13 +145,7 @@ def certify(
 
 
 def as_strip(decay: Any, bound: Any) -> tuple[float, float]:
-    """The strip for poles, -``bound`` < Re s < -``decay`` [1/s]: 0 or more, and inf for any.
-
-    Raises
-    ------
-    InputError
-        If they are no such numbers.
-    """
+    """The strip for poles, -``bound`` < Re s < -``decay`` [1/s]: 0 or more, and inf for any."""
     least = as_scalar("decay", decay)
     most = inf if isinstance(bound, float) and bound == inf else as_scalar("bound", bound)
     if not 0 <= least < most:

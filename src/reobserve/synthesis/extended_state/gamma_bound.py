@@ -39,11 +39,6 @@ def gamma_lower_bound(system: AugmentedSystem) -> float:
     """A lower bound of the H-infinity norm from dD to e, for all gains that make (10) stable.
 
     It is zero if there are so many outputs that gains might tell all disturbances from faults.
-
-    Raises
-    ------
-    InputError
-        If ``system`` is none.
     """
     inputs = as_kind("system", system, AugmentedSystem).Da.shape[1]
     unseen = inputs - (system.outputs - system.faults)
