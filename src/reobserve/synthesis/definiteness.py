@@ -17,7 +17,6 @@ leaves the radii negligible: ``with flint.ctx.workprec(400): M = ball_matrix(P) 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,22 +30,17 @@ if TYPE_CHECKING:
     from flint import arb, arb_mat
 
 _PRECISIONS = (53, 106, 212, 424)  # bits of the midpoints
-_CLOSE = 1.0 + 2.0**-10  # between the margin and a shift that is no longer proved
 
 
 @dataclass(frozen=True)
 class Proof:
     """Proof about a symmetric matrix M, of neither if M is singular or its balls too wide.
 
-    ``proved`` says that M is negative definite, and then no eigenvalue of -M is below ``margin``,
-    in M's unit. ``refuted`` says that M has an eigenvalue above zero; the margin is then zero.
-    ``precision`` [bits] is what it took, or the most that was tried.
+    ``proved`` says that M is negative definite, ``refuted`` that it has an eigenvalue above zero.
     """
 
     proved: bool
     refuted: bool
-    margin: float
-    precision: int
 
 
 def ball_matrix(values: ArrayLike) -> arb_mat:
@@ -82,20 +76,20 @@ def prove_negative_definite(matrix: arb_mat | ArrayLike) -> Proof:
     vector = np.linalg.eigh(middle)[1][:, -1:]
     for bits in _PRECISIONS:
         with ctx.workprec(bits):
-            sign = _sign(balls, 0.0)
+            sign = _sign(balls)
             if sign < 0:
-                return Proof(True, False, _margin(balls, middle), bits)
+                return Proof(True, False)
             if sign > 0 or _form(balls, vector) > 0:
-                return Proof(False, True, 0.0, bits)
-    return Proof(False, False, 0.0, _PRECISIONS[-1])
+                return Proof(False, True)
+    return Proof(False, False)
 
 
 def is_negative_definite(matrix: arb_mat) -> bool:
     """True if a matrix of balls is proved to be symmetric and negative definite as it is.
 
-    `prove_negative_definite` without its margin, in the precision of the caller.
+    As `prove_negative_definite`, but in the precision of the caller alone.
     """
-    return _sign(_symmetric(matrix), 0.0) < 0
+    return _sign(_symmetric(matrix)) < 0
 
 
 def _symmetric(matrix: arb_mat | ArrayLike) -> arb_mat:
@@ -119,9 +113,9 @@ def _symmetric(matrix: arb_mat | ArrayLike) -> arb_mat:
         return (balls + balls.transpose()) / 2
 
 
-def _sign(balls: arb_mat, shift: float) -> int:
-    """-1 if M + shift I is proved negative definite, 1 if it is proved not to be, or 0."""
-    rows = (balls + shift).tolist()
+def _sign(balls: arb_mat) -> int:
+    """-1 if M is proved negative definite, 1 if it is proved not to be, or 0."""
+    rows = balls.tolist()
     for k, pivot_row in enumerate(rows):
         pivot = pivot_row[k]
         if not pivot < 0:
@@ -138,33 +132,3 @@ def _form(balls: arb_mat, vector: NDArray[np.float64]) -> arb:
     """v^T M v of a column of floats."""
     v = ball_matrix(vector)
     return (v.transpose() * balls * v)[0, 0]
-
-
-def _margin(balls: arb_mat, floats: NDArray[np.float64]) -> float:
-    """The largest t with M + t I proved negative definite, within a thousandth, or zero.
-
-    ``floats`` are the middles of the balls; their eigenvalues are the first guess.
-    """
-    from flint import ctx
-
-    # No eigenvalue of -M is above its diagonal; the next float above a ball's float is above it.
-    high = min(np.nextafter(float((-balls[i, i]).upper()), np.inf) for i in range(balls.nrows()))
-    with ctx.workprec(_PRECISIONS[-1]):
-        guess = -float(np.linalg.eigvalsh(floats)[-1])
-        close = sqrt(sqrt(_CLOSE))
-        if guess > 0 and _sign(balls, guess / close) < 0 <= _sign(balls, guess * close):
-            return guess / close
-        shifts = (float(high) * 2.0**-power for power in (1, 2, 4, 8, 16, 32, 64, 128, 256, 512))
-        low = 0.0
-        for shift in shifts:
-            if shift > 0 and _sign(balls, shift) < 0:
-                low = shift
-                break
-            high = shift
-        while low > 0 and high > _CLOSE * low:
-            middle = sqrt(low) * sqrt(high)
-            if _sign(balls, middle) < 0:
-                low = middle
-            else:
-                high = middle
-    return low

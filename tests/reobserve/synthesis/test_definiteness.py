@@ -19,7 +19,7 @@ from reobserve.synthesis.definiteness import Proof, ball_matrix, prove_negative_
 Rows = list[list[Fraction]]
 
 TINY = Fraction(1, 10**30)
-NEITHER = Proof(False, False, 0.0, 424)
+NEITHER = Proof(False, False)
 
 
 def with_eigenvalues(*eigenvalues: Fraction | int) -> Rows:
@@ -60,16 +60,13 @@ def random_definite(size: int) -> np.ndarray:
 
 def test_definiteness_below_float_resolution_is_proved() -> None:
     proof = prove_negative_definite(balls(with_eigenvalues(-3, -TINY, -1, -2)))
-    assert proof.proved
-    assert not proof.refuted
-    assert float(TINY) * 0.999 < proof.margin < float(TINY)
-    assert proof.precision == 106
+    assert proof == Proof(True, False)
 
 
 @pytest.mark.parametrize("others", [(-3, -1, -2), (-1, -5, -7), (-2, -2, -2, -2, -2)])
 def test_indefiniteness_below_float_resolution_is_proved(others: tuple[int, ...]) -> None:
     proof = prove_negative_definite(balls(with_eigenvalues(*others, TINY)))
-    assert proof == Proof(False, True, 0.0, proof.precision)
+    assert proof == Proof(False, True)
 
 
 def test_numpy_errs_in_both_directions() -> None:
@@ -101,9 +98,7 @@ def test_too_wide_intervals_are_undecided() -> None:
     wide = arb_mat([[-1, arb(0, 1.5)], [arb(0, 1.5), -1]])
     assert prove_negative_definite(wide) == NEITHER
     narrow = arb_mat([[-1, arb(0, 0.75)], [arb(0, 0.75), -1]])
-    proof = prove_negative_definite(narrow)  # eigenvalues from -1.75 to -0.25
-    assert proof.proved
-    assert 0.249 < proof.margin <= 0.25
+    assert prove_negative_definite(narrow).proved  # eigenvalues from -1.75 to -0.25
 
 
 def test_mirrored_intervals_cover_the_symmetric_part() -> None:
@@ -111,42 +106,28 @@ def test_mirrored_intervals_cover_the_symmetric_part() -> None:
     assert prove_negative_definite(arb_mat([[-1, arb(0, 1.5)], [0.5, -1]])) == NEITHER
 
 
-# --- Margins ------------------------------------------------------------------------------------
+# --- Difficult matrices -------------------------------------------------------------------------
 
 
 def test_hilbert_matrices_are_proved_definite() -> None:
     for n in (3, 8, 12):
         exact = [[Fraction(-1, i + j + 1) for j in range(n)] for i in range(n)]
-        margin = prove_negative_definite(balls(exact)).margin
-        assert 0 < margin <= -largest(exact) <= margin * 1.001
-    assert 1.04e-16 < margin < 1.06e-16
+        assert prove_negative_definite(balls(exact)).proved
     # Rounded to floats it is another matrix, but still definite.
-    rounded = np.array(exact, dtype=np.float64)
-    margin = prove_negative_definite(rounded).margin
-    assert 0 < margin <= -largest(rounded) <= margin * 1.001
+    assert prove_negative_definite(np.array(exact, dtype=np.float64)).proved
 
 
-@pytest.mark.parametrize("size", [1, 2, 5, 12])
-def test_margin_is_just_below_the_smallest_eigenvalue(size: int) -> None:
-    matrix = random_definite(size)
-    proof = prove_negative_definite(matrix)
-    assert proof.precision == 53
-    assert proof.margin <= -largest(matrix) <= proof.margin * 1.001
-
-
-@pytest.mark.parametrize("scale", [2.0**-900, 2.0**-60, 2.0**900])
-def test_margin_scales_with_the_matrix(scale: float) -> None:
+@pytest.mark.parametrize("scale", [2.0**-900, 2.0**-60, 1.0, 2.0**900])
+def test_shift_beyond_the_largest_eigenvalue_decides(scale: float) -> None:
     matrix = random_definite(4)
-    unscaled = prove_negative_definite(matrix)
-    assert prove_negative_definite(matrix * scale).margin == pytest.approx(
-        unscaled.margin * scale, rel=1e-3
-    )
+    for part, proved in ((0.999, True), (1.001, False)):
+        shifted = (matrix - part * largest(matrix) * np.eye(4)) * scale
+        assert prove_negative_definite(shifted) == Proof(proved, not proved)
 
 
 def test_badly_scaled_diagonal_is_decided() -> None:
-    assert prove_negative_definite(np.diag([-1e12, -1e-20, -3.0])).margin == pytest.approx(
-        1e-20, rel=1e-3
-    )
+    assert prove_negative_definite(np.diag([-1e12, -1e-20, -3.0])).proved
+    assert prove_negative_definite(np.diag([-1e12, 1e-20, -3.0])).refuted
 
 
 def test_large_matrices_are_decided_quickly() -> None:
@@ -155,7 +136,7 @@ def test_large_matrices_are_decided_quickly() -> None:
         start = perf_counter()
         proof = prove_negative_definite(matrix)
         assert perf_counter() - start < 2.0  # 0.2 s on a quiet machine
-        assert proof.margin == pytest.approx(-np.linalg.eigvalsh(matrix).max(), rel=2e-3)
+        assert proof.proved
 
 
 # --- Matrices formed in interval arithmetic -----------------------------------------------------
@@ -180,7 +161,7 @@ def test_inequality_lost_in_float_rounding_is_decided() -> None:
     with flint.ctx.workprec(400):
         formed = ball_matrix(P) * ball_matrix(A) - ball_matrix(Y).transpose() * ball_matrix(Y)
         formed += formed.transpose()
-    assert prove_negative_definite(formed).margin == pytest.approx(2 * e**2, rel=1e-3)
+    assert prove_negative_definite(formed).proved
 
 
 def test_intervals_of_products_contain_the_exact_products() -> None:

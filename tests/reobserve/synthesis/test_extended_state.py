@@ -159,8 +159,6 @@ def test_minimum_norm_design_of_the_example_is_certified() -> None:
     assert found.objective == pytest.approx(692.83976821021, rel=1e-13)
     assert found.lower == pytest.approx(found.objective * (1 - 1e-5), abs=1e-9)
     assert found.certificate.norm_upper == pytest.approx(1.0546818, rel=3e-7)
-    assert found.certificate.inequality_margin > 2.9e-9
-    assert found.certificate.p1_margin == pytest.approx(0.01, rel=2e-3)
     poles = [complex(*pole) for pole in found.certificate.poles]
     known = [-3.6352, -4.0597 - 3.0923j, -4.0597 + 3.0923j, -9.9023, -21.816, -34.149]
     np.testing.assert_allclose(poles, known, rtol=3e-4)
@@ -180,7 +178,6 @@ def test_every_feasible_pi_observer_decays_as_specified(solution: str, decay: fl
     found = pi.design_feasible(dc_motor(Az=10.0), decay, solution=solution)
     assert found.certificate.holds
     assert found.certificate.poles[0][0] < -decay
-    assert found.certificate.inequality_margin > 0
 
 
 def inside(decay: float) -> tuple[Any, Any, Any, Any]:

@@ -252,8 +252,7 @@ def test_series_with_non_finite_time_is_refused() -> None:
 
 # --- Designs --------------------------------------------------------------------------------------
 
-BALL = {"poles": [[-1.0, 0.0]], "norm_lower": 0.1, "norm_upper": 0.2, "floor": 0.1,
-        "inequality_margin": 0.1, "p1_margin": 0.1, "reason": ""}  # fmt: skip
+BALL = {"poles": [[-1.0, 0.0]], "norm_lower": 0.1, "norm_upper": 0.2, "floor": 0.1, "reason": ""}
 ESO = {
     "filter_rate": 1.0, "method": "pi", "L": [[1.0, 0.0]] * 6, "Ld": [[0.0, 0.0]] * 6,
     "gamma": None, "solver": "SCS", "status": "optimal", "objective": 1.0, "lower": None,

@@ -44,18 +44,14 @@ class Certificate:
     """Certificate of an observer: its poles, its norm, and what fails.
 
     ``poles`` [1/s] are pairs of real and imaginary part, the slowest first. The norm from dD to e
-    is between ``norm_lower`` and ``norm_upper``, and no gains have one below ``floor``. No
-    eigenvalue of the matrix inequality is above -``inequality_margin``, none of P1 below
-    ``p1_margin``; both are zero if there is no proof. ``reason`` says what fails, and is empty if
-    nothing does.
+    is between ``norm_lower`` and ``norm_upper``, and no gains have one below ``floor``. ``reason``
+    says what fails, and is empty if nothing does.
     """
 
     poles: tuple[tuple[float, float], ...]
     norm_lower: float
     norm_upper: float
     floor: float
-    inequality_margin: float
-    p1_margin: float
     reason: str
 
     @property
@@ -128,10 +124,8 @@ def certify(
         _bound_reason(gamma, floor),
         _pole_reason(poles, decay, bound),
     ]
-    inequality = p1 = 0.0
     if variables is not None:
-        inequality, p1, reason = _prove(system, gains, gamma, variables, decay, bound)
-        reasons.append(reason)
+        reasons.append(_prove(system, gains, gamma, variables, decay, bound))
     lower, upper, reason = _norm(system, gains)
     reasons.append(reason)
     if gamma is not None and upper > gamma:
@@ -141,7 +135,7 @@ def certify(
         )
     pairs = tuple((float(pole.real), float(pole.imag)) for pole in poles)
     reason = next(filter(None, reasons), "")
-    return Certificate(pairs, lower, upper, floor, inequality, p1, reason)
+    return Certificate(pairs, lower, upper, floor, reason)
 
 
 def as_strip(decay: Any, bound: Any) -> tuple[float, float]:
@@ -196,14 +190,13 @@ def _prove(
     variables: PdPiVariables | PiVariables,
     decay: float,
     bound: float,
-) -> tuple[float, float, str]:
-    """The proved margins of the inequality and of P1, and what fails."""
+) -> str:
+    """The part of the inequality, or P1, that is not proved, or nothing."""
     from flint import arb_mat, ctx
 
     variables = replace(variables, P1=(variables.P1 + variables.P1.T) / 2.0)
-    p1 = prove_negative_definite(-variables.P1)
-    if not p1.proved:
-        return 0.0, 0.0, "P1 is not proved to be positive definite"
+    if not prove_negative_definite(-variables.P1).proved:
+        return "P1 is not proved to be positive definite"
     with ctx.workprec(_BITS):
         exact = mapped(variables, in_balls).with_gains(Gains(in_balls(gains.L), in_balls(gains.Ld)))
         sides = [
@@ -211,8 +204,7 @@ def _prove(
             for rows in exact.inequalities(system, gamma, decay, bound)
         ]
     proofs = [prove_negative_definite(side) for side in sides]
-    margin = min(proof.margin for proof in proofs)
     if all(proof.proved for proof in proofs):
-        return margin, p1.margin, ""
+        return ""
     verdict = "refuted" if any(proof.refuted for proof in proofs) else "not proved"
-    return 0.0, p1.margin, f"the matrix inequality is {verdict} at the returned matrices"
+    return f"the matrix inequality is {verdict} at the returned matrices"
