@@ -125,7 +125,7 @@ class Entry(Model):
     )
     named: Annotated[list[Any], Field(min_length=1)] | None = Field(
         None,
-        description="Values in the range that the paper names; half of the samples take a named number.",
+        description="Values that the paper names; half of the samples take one, if numbers.",
     )
     multiple_of: Multiples | None = Field(
         None, description="The grid on which sampled values lie; by pattern as in `range`."
