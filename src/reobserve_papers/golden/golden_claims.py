@@ -7,6 +7,7 @@ from pathlib import Path
 
 from reobserve.core.files import Kind, read_table, write_table
 from reobserve_papers.claims.claims_table import HEADER, KINDS
+from reobserve_papers.claims.conventions import read_conventions
 from reobserve_papers.claims.registry import read_claims
 from reobserve_papers.claims.title import read_alternatives
 from reobserve_papers.claims.verdict_rules import BROKEN, NOT_TESTABLE, UNDECIDED, VERDICTS
@@ -36,14 +37,20 @@ def read_golden(project: Path) -> Verdicts:
 
 
 def read_built(results: Path) -> Verdicts:
-    """The verdicts of a build, or `InputError` if there are none, or the file is damaged."""
-    return _read(results / "claims.csv", HEADER)
+    """The verdicts of a build, or `InputError` if there are none, or the file is damaged.
+
+    A claim that is undecided with fewer samples than are enough `lacks` some.
+    """
+    enough = read_conventions(results.parent).values["samples"]
+    return _read(results / "claims.csv", HEADER, enough)
 
 
-def _read(path: Path, header: Sequence[str]) -> Verdicts:
+def _read(path: Path, header: Sequence[str], enough: int = 0) -> Verdicts:
     verdicts: Verdicts = {}
     for row in read_table(path, header, _KINDS, _KEY):
         verdict = {column: row[column] for column in _COMPARED}
+        if verdict["verdict"] == UNDECIDED and int(row.get("samples") or 0) < enough:
+            verdict["lacks"] = "yes"
         verdicts.setdefault(row["paper"], {})[row["claim"]] = verdict
     return verdicts
 
@@ -65,7 +72,7 @@ def lacking(golden: Verdicts, built: Verdicts, paper: str) -> dict[tuple[str, st
     return {
         (claim, "verdict"): accepted[claim]["verdict"].removesuffix(NOT_SAMPLED)
         for claim, row in built.get(paper, {}).items()
-        if row["verdict"] == UNDECIDED
+        if "lacks" in row
         and accepted.get(claim, row)["verdict"] not in (UNDECIDED, NOT_TESTABLE, BROKEN)
     }
 
@@ -103,7 +110,7 @@ def renew(project: Path, results: Path, papers: Sequence[str] = ()) -> list[str]
             moved.append(f"{paper} {claim}: {verdict}{NOT_SAMPLED}")
     accepted = golden | {paper: built.get(paper, {}) for paper in chosen}
     rows = (
-        {"paper": paper, "claim": claim, **row}
+        {"paper": paper, "claim": claim, **{column: row[column] for column in _COMPARED}}
         for paper, claims in accepted.items()
         for claim, row in claims.items()
     )

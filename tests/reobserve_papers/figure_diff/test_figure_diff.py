@@ -446,6 +446,18 @@ def test_claims_that_lack_samples_come_last_and_keep_their_verdicts(
     assert "is_stable, verdict: golden reproduced, not sampled since, found contradicted" in said
 
 
+def test_claim_that_enough_samples_leave_undecided_has_moved(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """By the convention 400 are enough."""
+    claim = {"paper": "made", "claim": "is_stable", "verdict": "undecided", "holds": "yes"}
+    for samples, said in (("399", "1 claim lacks samples"), ("400", "found undecided")):
+        row = dict.fromkeys(HEADER, "") | claim | {"samples": samples}
+        write_table("results/claims.csv", [row], HEADER)
+        assert main(["figdiff"]) == 1
+        assert said in capsys.readouterr().out
+
+
 def bench(error: str = "0.25", within: str = "yes") -> None:
     """A task of the bench with one method, built."""
     write_text("config/bench/level.yaml", "")
