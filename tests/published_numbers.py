@@ -120,7 +120,7 @@ def of_ilo() -> Iterator[str]:
     holds, opposed, refused = map(outcomes.count, ("holds", "opposed", "refused"))
     yield (
         f"Of {len(outcomes)} samples {holds} have a factor below one, {opposed} one exactly, "
-        f"and {refused} was refused"
+        f"and {refused} were refused"
     )
 
 
