@@ -10,7 +10,7 @@ from typing import Any
 from docs.generate.evidence import Paper
 from docs.generate.markdown import code, plain, table, ticks
 from reobserve.core.documents import read_yaml
-from reobserve_papers.claims.verdict_rules import CONTRADICTED, REPRODUCED, VERDICTS
+from reobserve_papers.claims.verdict_rules import CONTRADICTED, DEPENDS, REPRODUCED, VERDICTS
 from reobserve_papers.claims.verdict_table import counts_table, dissent, sentence, titles_table
 from reobserve_papers.report.gather import cited
 from reobserve_papers.report.reported_claims import SIGNS, ReportedClaim
@@ -76,7 +76,7 @@ def summary(paper: Paper) -> str:
         f"{', '.join(lines)}.\n\n"
         f"**{plain(title.in_words)}.** {ticks(sentence(title, paper.result))}\n\n"
         f"{_three_lines(paper)}\n\n"
-        f"**Dissent.** {_linked(dissent(title))}\n\n"
+        f"**Dissent.** {_linked(paper, dissent(title))}\n\n"
         f"Of its {len(rows)} claims:\n\n"
         f"{chips}\n\n"
         f"**Limitations.** {ticks(paper.registry.limitations)}"
@@ -84,25 +84,28 @@ def summary(paper: Paper) -> str:
 
 
 def _three_lines(paper: Paper) -> str:
-    """The main claims that hold, that fail, and that depend, and on what."""
-    sorted_by: dict[str, list[str]] = {"Holds": [], "Fails": [], "Depends": []}
+    """The main claims that hold, that fail, that depend, and on what, and those left open."""
+    kinds = {REPRODUCED: "Holds", CONTRADICTED: "Fails", DEPENDS: "Depends"}
+    sorted_by: dict[str, list[str]] = {kind: [] for kind in (*kinds.values(), "Open")}
     for claim in filter(_decides, paper.claims):
-        kind = {REPRODUCED: "Holds", CONTRADICTED: "Fails"}.get(claim.verdict, "Depends")
+        kind = kinds.get(claim.verdict, "Open")
         said = f"[{ticks(claim.statement.rstrip('.'))}](#claim-{claim.name})"
-        if kind == "Depends":
-            share = f", {_share(claim)}" if claim.robustness else ""
-            said += f" ({claim.verdict}{share})"
+        if kind in ("Depends", "Open"):
+            verdict = f"{claim.verdict}, " if kind == "Open" else ""
+            said += f" ({verdict}{_share(claim)})"
         sorted_by[kind].append(said)
     return "\n".join(
         f"- **{kind}**: {'; '.join(listed) if listed else 'no main claim'}."
         for kind, listed in sorted_by.items()
+        if listed or kind != "Open"
     )
 
 
-def _linked(text: str) -> str:
+def _linked(paper: Paper, text: str) -> str:
     """A text of several lines in which names of claims are links to them."""
     lines = (re.sub(r"^&#45; ", "- ", ticks(line)) for line in text.strip().split("\n"))
-    return re.sub(r"`(\w+)` is", r"[`\1`](#claim-\1) is", "\n".join(lines))
+    names = "|".join(claim.name for claim in paper.claims)
+    return re.sub(rf"`({names})` is", r"[`\1`](#claim-\1) is", "\n".join(lines))
 
 
 def _claims(paper: Paper) -> str:
@@ -123,7 +126,7 @@ def _claims(paper: Paper) -> str:
         "holds with 95 % confidence at any number of samples. "
         "Of a claim that depends on choices or is undecided it says instead which choice separates "
         "the outcomes most, if one explains a fifth of them or more: it was found in one half of "
-        "the samples, and the numbers are of the other half. "
+        "the samples, and the numbers are of the other half, or of all where settings are counted. "
         f"[Checks and bounds]({_ROOT}/config/claims/{paper.name}.yaml) of each claim are in one "
         "file, earlier ones there under `history`. The paper has "
         f"[{len(paper.errata)} errata, {certain} of them certain]"

@@ -95,7 +95,7 @@ def _check_papers(project: Path) -> None:
 def _check_used(project: Path, conventions: Conventions) -> None:
     """Refuse conventions that neither a claim names nor the code reads."""
     texts = [claims_text(project, paper) for paper in known_papers(project)]
-    if any("problem" in text for text in texts):  # which `check` reports for its paper
+    if not all(text.get("claims") for text in texts):  # `check` reports what is wrong there
         return
     used = {*names_in([texts, [one.claims for one in conventions.single.values()]]), *SPECIAL}
     for name in conventions.stated:
@@ -120,8 +120,10 @@ def _check_setting(project: Path, parameters: Parameters, text: str) -> None:
         if not (project / path).is_file():
             raise InputError("", f"there is no file {path}")
     for section, name in re.findall(r"`(\w+)\.(\w+)", text):
-        refuse_unknown("", [section], parameters.tree)
-        refuse_unknown("", [name], parameters.tree[section])
+        if nearest(section, parameters.tree):  # other words with a dot are no keys
+            refuse_unknown("", [section], parameters.tree)
+        if isinstance(branches := parameters.tree.get(section), Mapping):
+            refuse_unknown("", [name], branches)
 
 
 def _check_alternatives(registry: Registry, paper: str) -> None:

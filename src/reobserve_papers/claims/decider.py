@@ -8,7 +8,7 @@ share does not hold for weighted ones.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from reobserve.core.errors import InputError, located
@@ -24,15 +24,17 @@ from reobserve_papers.claims.title import (
     INTERVAL,
     LACKS,
     MAIN,
+    NEW_MAIN,
+    NO_MAIN,
     NOT_COMPUTED,
     TITLE,
+    counts_of,
     row_as_stated,
 )
 from reobserve_papers.claims.verdict_rules import (
     BROKEN,
     CONTRADICTED,
     NOT_TESTABLE,
-    REPRODUCED,
     UNDECIDED,
     Counted,
     Judged,
@@ -43,7 +45,6 @@ from reobserve_papers.claims.verdict_rules import (
 )
 
 _RULES = ("share", "majority", "main", "purpose")  # conventions that change titles themselves
-NO_MAIN, NEW_MAIN = "no main claim", "a main claim"  # of a claim that no longer is, or becomes one
 
 
 @dataclass(frozen=True)
@@ -189,8 +190,9 @@ class Decider:
         touches = rules or names != before_names
         touches = touches or any(claim.name in names for claim in concerned)
         counts = {
-            "held": _reproduced(self.judged[name] for name in before_names),
-            "other_held": _reproduced(mains), "chosen": alternative.chosen(""),
+            "held": counts_of([self.judged[name].verdict for name in before_names]),
+            "other_held": counts_of([claim.verdict for claim in mains]),
+            "chosen": alternative.chosen(""),
         }  # fmt: skip
         for row in rows or [counts]:
             yield {
@@ -315,8 +317,3 @@ class Decider:
             return self._own(claim).threshold if bounds else "after" if claims else ""
 
         return Alternative(name, kind, change, single.why, self.conventions, claims, keep, chosen)
-
-
-def _reproduced(claims: Iterable[Judged]) -> str:
-    verdicts = [claim.verdict for claim in claims]
-    return f"{verdicts.count(REPRODUCED)} of {len(verdicts)} main claims"

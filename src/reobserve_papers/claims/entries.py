@@ -177,6 +177,8 @@ class Result(Model):
     def _short(self) -> Result:
         if (words := len(self.sentence.split())) > 25:
             raise InputError("sentence", f"has {words} words, must have 25 at most")
+        if "|" in self.sentence:
+            raise InputError("sentence", "has a '|', which would end a cell of the table")
         return self
 
 

@@ -46,11 +46,11 @@ def narrower(claim: Claim) -> Iterator[tuple[str, str, Keep]]:
     for knob in _knobs(claim):
         label = claim.label(knob.name)
         for word in knob.words:
-            said = f"Without {label.readings.get(spelt(word), word)} as {label}."
+            said = f"If {label} is not {label.readings.get(spelt(word), word)}."
             yield f"{claim.name}: {knob.name} not {spelt(word)}", said, _not(knob, word)
         if not knob.words:
             for half, upper in (("lower", False), ("upper", True)):
-                said = f"With the {half} half of the range of {label}."
+                said = f"If {label} is in the {half} half of its range."
                 yield f"{claim.name}: {knob.name}, {half} half", said, _half(knob, upper)
 
 

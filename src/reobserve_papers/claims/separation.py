@@ -60,15 +60,16 @@ class Separation(NamedTuple):
 def separation(claim: Claim, robustness: Robustness, outcomes: Sequence[Outcome]) -> Separation:
     """Find the choice that separates the outcomes of a claim most.
 
-    Of some random halves it is the one that most of them find, and its median half speaks for all.
+    Of some random halves it is the one that most of them find, stated by the half in the middle.
     """
     held = np.array([word == "holds" for word in outcomes])
     whole = len(held) == robustness.whole
-    few = (
-        f"{len(held)} {'settings' if whole else 'samples'} are too few to tell which choice decides"
-    )
+    kind = "settings" if whole else "samples"
+    few = f"{len(held)} {kind} are too few to tell which choice decides"
     if len(held) < 4 * SIDE and not whole:
         return Separation("", few)
+    if held.all() or not held.any():
+        return Separation("", f"all {kind} have the same outcome")
     rows = [trial.values for trial in robustness.trials]
     columns = ([row[k] for row in rows] for k in range(len(robustness.names)))
     tried = {
@@ -81,13 +82,16 @@ def separation(claim: Claim, robustness: Robustness, outcomes: Sequence[Outcome]
         each = {n: best_split(v, held, found | whole, ~found | whole) for n, v in tried.items()}
         splits = {name: split for name, split in each.items() if split}
         best = max(splits, key=lambda name: splits[name].found, default="")
-        rounds.append((best, splits[best].explained if best else None, splits))
-    often = statistics.mode(best for best, _, _ in rounds)
-    agreeing = sorted((one for one in rounds if one[0] == often), key=lambda one: one[1] or 0.0)
-    best, explained, splits = agreeing[len(agreeing) // 2]
-    choice = best if explained is not None and explained >= DECIDES else ""
+        rounds.append((best, splits))
+    often = statistics.mode(best for best, _ in rounds)
+    tried_at = sorted(
+        (splits[often].explained, k) for k, (_, splits) in enumerate(rounds) if often in splits
+    )
+    explained, k = tried_at[(len(tried_at) - 1) // 2] if tried_at else (None, 0)
+    splits = rounds[k][1]
+    choice = often if explained is not None and explained >= DECIDES else ""
     if choice:
-        sentence = in_words(splits[choice], claim.label(choice))
+        sentence = in_words(splits[choice], claim.label(choice), kind)
     elif len(splits) < len(tried):
         return Separation("", few)
     else:
@@ -148,7 +152,7 @@ def rounded(low: float, high: float) -> float:
     return next((middle for middle in tried if low <= middle < high), low)
 
 
-def in_words(split: Split, label: Label) -> str:
+def in_words(split: Split, label: Label, kind: str = "samples") -> str:
     """Both sides of a split, the one on which the claim holds more often first."""
     said: list[str] = []
     for k in sorted((0, 1), key=lambda k: -split.sides[k][1] / split.sides[k][2]):
@@ -163,9 +167,9 @@ def in_words(split: Split, label: Label) -> str:
             which += "".join(f" ({value} is {note})" for value, note in beside)
         said.append(f"{which} in {held} of {samples}")
     if split.threshold is not None:
-        return f"holds with {label} {said[0]} samples, {said[1]}"
-    about = ", ".join(filter(None, (label.words, label.of)))
-    return f"holds with {said[0]} samples, with {said[1]} ({about})"
+        return f"holds with {label} {said[0]} {kind}, {said[1]}"
+    about = " of ".join(filter(None, (label.words, label.of)))
+    return f"holds with {said[0]} {kind}, with {said[1]} (choice: {about})"
 
 
 def are_numbers(values: Sequence[Any]) -> bool:

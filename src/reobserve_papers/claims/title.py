@@ -31,6 +31,7 @@ STATED = "as stated"
 MAIN, INTERVAL = "main", "interval"  # kinds: a main claim as it is, one that is not decided
 LACKS = "lacks samples"  # of a verdict that no more than a lack of samples leaves open
 NOT_COMPUTED = "not computed"  # of one whose numbers the samples do not have
+NO_MAIN, NEW_MAIN = "no main claim", "a main claim"  # of a claim that no longer is, or becomes one
 
 # When the reading that is taken was chosen.
 _CHOSEN = {
@@ -64,15 +65,20 @@ class Title:
     @property
     def counted(self) -> str:
         """The number of main claims that are reproduced and contradicted, in words."""
-        return (
-            f"{self.count(REPRODUCED)} of {len(self.mains)} main claims reproduced, "
-            f"{self.count(CONTRADICTED)} contradicted"
-        )
+        return counts_of(list(self.mains.values()))
 
     @property
     def in_words(self) -> str:
         """The title, and how many main claims are reproduced and contradicted."""
         return f"{self.word}, {self.counted}"
+
+
+def counts_of(verdicts: Sequence[str]) -> str:
+    """The number of main claims that are reproduced and contradicted, from their verdicts."""
+    return (
+        f"{verdicts.count(REPRODUCED)} of {len(verdicts)} main claims reproduced, "
+        f"{verdicts.count(CONTRADICTED)} contradicted"
+    )
 
 
 def title_from(rows: Sequence[Row]) -> Title:
@@ -110,13 +116,17 @@ def _dissent(rows: Sequence[Row]) -> str:
     first = rows[0]
     said = []
     for row in rows:
-        if row["claim"] in row["mains"].split() and row["other"] not in ("", row["verdict"]):
+        if row["note"] == NO_MAIN:
+            said.append(f"`{row['claim']}` is then no main claim")
+        elif row["note"] == NEW_MAIN:
+            said.append(f"`{row['claim']}` is then a main claim, {row['other']}")
+        elif row["claim"] in row["mains"].split() and row["other"] not in ("", row["verdict"]):
             stated = f"{row['held']} as stated" if row["held"] else ""
             numbers = ", ".join(filter(None, [row["other_held"], stated]))
             listed = f" ({numbers})" if numbers else ""
             said.append(f"`{row['claim']}` is then {row['other']}{listed}")
     if not said:
-        said = [f"{first['other_held']} are then reproduced, {first['held']} as stated"]
+        said = [f"Then {first['other_held']}; as stated {first['held']}"]
     changes = f"{first['other_title']}: {first['why']} {'; '.join(said)}."
     return f"{changes} {_CHOSEN[first['chosen']]}".rstrip()
 

@@ -28,6 +28,7 @@ def titles_table(titles: Mapping[str, Title], results: Mapping[str, Result | Non
     for paper, title in titles.items():
         reproduced = f"{title.count(REPRODUCED)} of {len(title.mains)}"
         cells = (title.word, reproduced, str(title.count(CONTRADICTED)))
+        cells = cells if title.mains else ("no main claim", "", "")
         said = sentence(title, results.get(paper))
         lines.append(f"| `{paper}` | {' | '.join(cells)} | {said} |")
     return "\n".join(lines) + "\n"
@@ -58,6 +59,8 @@ def counts_table(rows: Sequence[Mapping[str, str]]) -> str:
 
 def dissent(title: Title) -> str:
     """The readings that would give another title, and how many were tried."""
+    if not title.mains:
+        return "No claim is a main claim.\n"
     changing, lacking = len(title.dissent) or "none", title.lacking or "none"
     lines = [
         f"Of {title.tried} readings of main claims, {changing} would give another title, and "
@@ -86,7 +89,8 @@ def put_into(readme: Path, verdicts: str, papers: Sequence[str]) -> None:
     old, end, after = rest.partition(_END)
     if not begin or not end:
         raise InputError(str(readme), f"must have the lines {_BEGIN.strip()} and {_END.strip()}")
-    rows, head = _rows(old) | _rows(table), "".join(table.splitlines(keepends=True)[:2])
+    head = "".join(table.splitlines(keepends=True)[:2])
+    rows = (_rows(old) if head in old else {}) | _rows(table)
     table = head + "".join(rows[paper] for paper in papers if paper in rows)
     write_text(readme, f"{before}{begin}\n{table}\n{end}{after}")
 

@@ -259,6 +259,7 @@ def test_quantifier_and_promise_can_be_read_otherwise(code: Code, tmp_path: Path
     assert found["no promise"]["other_title"] == "[Re?]"  # one of two
     assert found["nothing else"]["claim"] == ""
     assert [said[:5] for said in title.dissent] == ["[¬Re]", "[Re?]"]
+    assert "`one` is then no main claim." in title.dissent[1]
 
 
 def test_alternative_that_leaves_no_main_claim_says_nothing_of_the_title(
@@ -293,7 +294,8 @@ def test_conventions_say_which_claims_are_main(code: Code, tmp_path: Path) -> No
     words = [found[name] for name in found if found[name] != "[Re]"]
     assert [said.partition(":")[0] for said in title.dissent] == words
     assert (
-        "1 of 2 main claims are then reproduced, 2 of 3 main claims as stated." in title.dissent[1]
+        "Then 1 of 2 main claims reproduced, 0 contradicted; as stated 2 of 3 main claims"
+        in title.dissent[1]
     )
 
 

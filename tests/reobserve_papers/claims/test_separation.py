@@ -176,9 +176,7 @@ def test_planted_choice_is_found(seed: int) -> None:
         r"holds with gain \(observer a\) above (\S+) 1/s in \d+ of \d+ samples, up to it in \d+ of"
     )
     assert re.match(said, by_gain.sentence)
-    said = (
-        r"holds with z in \d+ of \d+ samples, with (x y or w|w or x y) in \d+ of \d+ \(word, observ"
-    )
+    said = r"holds with z in \d+ of \d+ samples, with (x y or w|w or x y) in \d+ of \d+ \(choice: w"
     assert re.match(said, by_word.sentence)
     assert sum(count for _, _, count in by_word.splits["a.word"].sides) == 60  # of the other half
 
@@ -242,7 +240,7 @@ def test_more_samples_do_not_change_the_choice(monkeypatch: pytest.MonkeyPatch) 
 def test_all_settings_are_found_in_and_stated() -> None:
     held = [True] * 10 + [False] * 10
     found = separated(samples(held, whole=True, word=["x"] * 10 + ["y"] * 10))
-    said = "holds with x in 10 of 10 samples, with y in 0 of 10 (word, observer a)"
+    said = "holds with x in 10 of 10 settings, with y in 0 of 10 (choice: word of observer a)"
     assert found.sentence == said
     four = separated(samples([True, False] * 2, whole=True, word=["x", "x", "y", "y"]))
     assert four.sentence == "4 settings are too few to tell which choice decides"
@@ -261,7 +259,7 @@ def test_seeds_and_constant_choices_are_not_tried() -> None:
     ("values", "threshold", "label", "said"),
     [
         ((["a_b", "c"], ["d"]), None, Label("word", "observer a", readings={"a_b": "a b"}),
-         "holds with d in 9 of 10 samples, with a b or c in 1 of 12 (word, observer a)"),
+         "holds with d in 9 of 10 samples, with a b or c in 1 of 12 (choice: word of observer a)"),
         (([], []), 0.9, Label("K1", "observer a", notes={"1": "named by the paper"}),
          "holds with K1 (observer a) above 0.9 (1 is named by the paper) in 9 of 10 samples, up to"
          " it in 1 of 12"),
@@ -288,7 +286,7 @@ def test_any_form_depends_on_the_criterion() -> None:
     assert found.choice == "designs.{pd_pi,pi_optimal}.criterion"
     said = (
         r"holds with minimum gamma in (\d+) of (\d+) samples, with minimum norm in (\d+) of (\d+)"
-        r" \(criterion, designs pd pi, pi optimal\)"
+        r" \(choice: criterion of designs pd pi, pi optimal\)"
     )
     counts = re.fullmatch(said, found.sentence)
     assert counts

@@ -470,8 +470,12 @@ def test_dissent_is_counted_and_listed() -> None:
         "- [Re]: It is so.\n"
     )
     none = "Of 0 readings of main claims, none would give another title, and none lack samples.\n"
-    assert dissent(Title("[Re]")) == none
-    assert dissent(Title("[Re]", undecided=("so",))) == f"{none}\n- Undecided: so.\n"
+    plain = Title("[Re]", {"a": REPRODUCED})
+    assert dissent(plain) == none
+    assert dissent(replace(plain, undecided=("so",))) == f"{none}\n- Undecided: so.\n"
+    nothing = Title("[Re?]")
+    assert dissent(nothing) == "No claim is a main claim.\n"
+    assert cells_of(titles_table({"a": nothing}, {}))["replication"] == "no main claim"
 
 
 def test_broken_claims_are_counted() -> None:

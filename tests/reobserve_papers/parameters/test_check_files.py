@@ -25,7 +25,7 @@ FAULTS = {
     ),
     "a parameter": (
         "claims/ilo.yaml", "- observers.sampled.K1\n", "- observers.sampled.K3\n",
-        "claims.ilo.learning_is_no_integrator.depends_on: there is no 'observers.sampled.K3'; did",
+        "claims.ilo.choices.learning.depends_on: there is no 'observers.sampled.K3'; did",
     ),
     "a relation": (
         "claims/ilo.yaml", "above: 0.05", "over: 0.05",

@@ -126,7 +126,14 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
     "a comparison with what estimates no delay": (
         "delay",
         {
-            "observers": {"slow": {"like": "standard", "model": "lag", "initial_estimate": [0]}},
+            "observers": {"slow": {
+                "algorithm": "standard", "label": "slow",
+                "model": {"value": "lag", "unit": "word", "source": "(1)"},
+                "rho": {"value": 5.0, "unit": "1/s", "source": "(1)"},
+                "mean_delay": {"value": 0.8, "unit": "s", "source": "(1)"},
+                "initial_estimate": {"value": [0.0], "unit": "1", "source": "(1)"},
+                "sampling_period": {"value": 0.01, "unit": "s", "source": "(1)"},
+            }},
             "figures": {"fig3": {"observers": ["extended_lag", "slow"]}},
         },
         "delay.figures.fig3.observers: 'slow' does not estimate the delay",
