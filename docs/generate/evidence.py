@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +124,7 @@ class Paper:
         return read_errata(self.root, self.name)
 
 
+@cache
 def papers(root: Path) -> list[Paper]:
     """All papers of the project, in alphabetic order."""
     rows = read_table(root / GOLDEN / "claims.csv", ("paper", "claim", "verdict", "holds"))
