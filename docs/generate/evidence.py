@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from reobserve_papers.claims.errata import Erratum, read_errata
 from reobserve_papers.claims.inquiry import read_robustness
 from reobserve_papers.claims.registry import Claim as Registered
 from reobserve_papers.claims.registry import Registry, read_claims, read_registry
-from reobserve_papers.claims.title import Row, Title, title_from
+from reobserve_papers.claims.title import MAIN, TITLE, Row, Title, title_from
 from reobserve_papers.golden.number_files import read_metrics
 from reobserve_papers.metrics.metrics import Metric, lookup
 from reobserve_papers.parameters.config import known_papers
@@ -52,6 +53,12 @@ class Paper:
     def result(self) -> Result | None:
         """The result in one sentence."""
         return read_claims(self.root, self.name).result
+
+    @property
+    def stated(self) -> Title:
+        """The title with the main claims, without dissent, which takes no alternatives."""
+        rows = takewhile(lambda row: row["kind"] in (TITLE, MAIN), self.decider.rows())
+        return title_from(list(rows))
 
     @property
     def about(self) -> Mapping[str, Any]:

@@ -20,7 +20,7 @@ _ROOT = "../../.."  # from a page of findings
 
 def verdicts(papers: Sequence[Paper], folder: str = "") -> str:
     """Titles, and counts of the verdicts on claims, with links into the ``folder``."""
-    titles = {paper.name: paper.title for paper in papers}
+    titles = {paper.name: paper.stated for paper in papers}
     results = {paper.name: paper.result for paper in papers}
     text = f"{titles_table(titles, results)}\n{counts_table(_rows(papers))}"
     return re.sub(r"^\| `(\w+)` \|", rf"| [`\1`]({folder}\1.md) |", text, flags=re.MULTILINE)
@@ -51,13 +51,11 @@ def _rows(papers: Sequence[Paper]) -> list[dict[str, str]]:
     return [
         {
             "paper": paper.name,
-            "verdict": claim.verdict,
-            "promised": claim.promised,
-            "place": claim.place,
+            "verdict": paper.decider.judged[claim.name].verdict,
             "threshold": claim.threshold,
         }
         for paper in papers
-        for claim in paper.claims
+        for claim in paper.registry.claims
     ]
 
 
