@@ -173,7 +173,12 @@ def inputs_of(step, *chunks):
                 path
                 for paper in papers
                 for path in inputs(
-                    checked(paper), Path(), step, *names, cached=config["cached"], style=config["style"]
+                    checked(paper),
+                    Path(),
+                    step,
+                    *names,
+                    cached=config["cached"],
+                    style=config["style"],
                 )
             ]
         if step == "verdicts":  # whose table may have no rows
