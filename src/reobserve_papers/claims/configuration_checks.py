@@ -95,7 +95,8 @@ def _check_papers(project: Path) -> None:
 def _check_used(project: Path, conventions: Conventions) -> None:
     """Refuse conventions that neither a claim names nor the code reads."""
     texts = [claims_text(project, paper) for paper in known_papers(project)]
-    if not all(text.get("claims") for text in texts):  # `check` reports what is wrong there
+    bodies = [body for text in texts for body in (text.get("claims") or {"": None}).values()]
+    if not all(isinstance(body, Mapping) for body in bodies):  # `check` says what is wrong there
         return
     used = {*names_in([texts, [one.claims for one in conventions.single.values()]]), *SPECIAL}
     for name in conventions.stated:

@@ -343,7 +343,7 @@ def test_summary_is_short_and_has_the_largest_change_first(
     lines = capsys.readouterr().out.splitlines()
     first = next(k for k, line in enumerate(lines) if line == "- made fig1: moved")
     assert "score7: golden 1, found 4.3 m/s (x 4.3, " in lines[first + 1]
-    assert lines[first + 4] == "    - and 1 more numbers"
+    assert lines[first + 4] == "    - and 1 more number"
     assert lines[first + 5] == "- made theory: moved"
     many = [Item("made", f"fig{k}", moved=[Moved("a", "1", "2")]) for k in range(40)]
     assert len(summary(many, []).splitlines()) == 30

@@ -210,10 +210,10 @@ def test_invalid_claim_is_refused_before_the_first_job(
 
 @pytest.mark.nightly
 def test_broken_claims_fail_the_build_and_appear_in_the_report(toy: Project) -> None:
-    """The observers of a table are known only once it exists."""
+    """The metrics of a figure are known only once it exists."""
     path = toy.folder / "config/claims/toy.yaml"
     more = CLAIM.format(
-        name="nobody", statement=STATEMENT, value="fig1 slower late_rms_error", key=KEY
+        name="nobody", statement=STATEMENT, value="fig1 slow discriminant", key=KEY
     )
     with edited(path, path.read_text(), path.read_text() + more):
         done = toy.snakemake(check=False)
@@ -221,7 +221,7 @@ def test_broken_claims_fail_the_build_and_appear_in_the_report(toy: Project) -> 
         assert "Traceback" not in done.stderr
         # The failing command is before a pipe: the job fails, not only its output.
         assert "latency" not in done.stderr
-        sentence = "claims.toy.nobody: observer: fig1 has no 'slower'; did you mean 'slow'?"
+        sentence = "claims.toy.nobody: metric: fig1 has no 'discriminant' of slow"
         assert sentence in (toy.folder / "logs/verdicts.log").read_text()
         assert sentence in done.stderr
         assert sentence in unescape((toy.folder / "results/report.html").read_text())
@@ -473,4 +473,4 @@ def test_golden_numbers_cover_the_table(toy: Project) -> None:
     assert [line for line in said.splitlines() if "golden" in line] == [moved]
     assert kept.read_text() == before
     log = (toy.folder / "tests/golden/REASONS.md").read_text()
-    assert log.splitlines()[-1].endswith(": the cell was wrong (1 numbers and 0 figures moved)")
+    assert log.splitlines()[-1].endswith(": the cell was wrong (1 number and 0 figures moved)")

@@ -81,7 +81,7 @@ MEANINGS = {
     "minimum_delay": "minimum of the delay over the run",
     "maximum_delay": "maximum of the delay or of its estimate over the run",
     "off_share": "share of the run in which the gain is switched off",
-    "<quantity> <sweep>=<level>": (
+    "<quantity> <rho,noise_rho,forgetting,relay_gain>=<level>": (
         "mean over the runs of a study at one level; in the theory a single run without noise"
     ),
     "<quantity> threshold=none": "the same without a threshold, by a sampled observer",
