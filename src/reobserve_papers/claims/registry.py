@@ -334,7 +334,7 @@ def check_names(parameters: Parameters, references: Iterable[Reference], known: 
     for reference in references:
         refuse_unknown("figure", [reference.figure], figures)
         if known and not any(fits.fullmatch(reference.metric) for fits, _ in known):
-            names = [fits.pattern.replace("\\", "") for fits, _ in known]
+            names = [fits.pattern.replace(r"\S+", "*").replace("\\", "") for fits, _ in known]
             problem = f"there is no {shown(reference.metric)}{nearest(reference.metric, names)}"
             raise InputError("metric", problem)
         if known:

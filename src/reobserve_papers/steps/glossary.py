@@ -31,13 +31,13 @@ def glossary(package: str) -> Glossary:
         return []
     described = [(pattern(name), text.replace("`", "")) for name, text in stated.items()]
     # The exact name explains better than a pattern that happens to fit.
-    return sorted(described, key=lambda pair: pair[0].pattern.count(".+"))
+    return sorted(described, key=lambda pair: pair[0].pattern.count(r"\S+"))
 
 
 def pattern(name: str) -> re.Pattern[str]:
     """The names that a name stands for, with any text for ``<word>`` and one of ``<one,other>``."""
     parts = re.split(r"<([\w,]+)>", name)
-    texts = (f"({part.replace(',', '|')})" if "," in part else ".+" for part in parts[1::2])
+    texts = (f"({part.replace(',', '|')})" if "," in part else r"\S+" for part in parts[1::2])
     whole = zip(map(re.escape, parts[::2]), [*texts, ""], strict=True)
     return re.compile("".join(map("".join, whole)))
 

@@ -234,7 +234,8 @@ def test_target_of_another_paper_is_reported_in_one_sentence(
         ("words", "must be a mapping of keys to values"),
         (
             "a: b",
-            "claims.ilo.a: unknown key; there are: limitations, result, choices, excluded, claims, figures, history",
+            "claims.ilo.a: unknown key; there are: limitations, result, choices, excluded, claims, "
+            "figures, history",
         ),
     ],
 )

@@ -212,9 +212,7 @@ def test_invalid_claim_is_refused_before_the_first_job(
 def test_broken_claims_fail_the_build_and_appear_in_the_report(toy: Project) -> None:
     """The metrics of a figure are known only once it exists."""
     path = toy.folder / "config/claims/toy.yaml"
-    more = CLAIM.format(
-        name="nobody", statement=STATEMENT, value="fig1 slow discriminant", key=KEY
-    )
+    more = CLAIM.format(name="nobody", statement=STATEMENT, value="fig1 slow discriminant", key=KEY)
     with edited(path, path.read_text(), path.read_text() + more):
         done = toy.snakemake(check=False)
         assert done.returncode != 0
