@@ -88,10 +88,9 @@ def row(
         }
         if word in SEPARATED:
             found = separation(claim, samples, outcomes)
-            if found.choice or word != CALIBRATED:
-                cells |= {"choice": found.choice, "separation": found.sentence}
-                if found.explained is not None:
-                    cells["explained"] = f"{found.explained:.3f}"
+            cells |= {"choice": found.choice, "separation": found.sentence}
+            if found.explained is not None:
+                cells["explained"] = f"{found.explained:.3f}"
     if claim.null:
         nulls = decider.outcomes(claim.with_null)
         cells["null"] = f"{nulls.count('holds') / len(nulls):.4g}"

@@ -116,7 +116,7 @@ def alternatives_curve(title: Title, rows: Sequence[Row], verdicts: Mapping[str,
     above.set_xlim(-2, len(columns) + 1)
     above.set_ylim(-0.08, 1.08)
     above.set_ylabel("share of main\nclaims reproduced", fontsize=_SMALL)
-    low = max(column.share for column in columns) < 0.6
+    low = sorted(column.share for column in columns)[len(columns) // 2] < 0.5
     above.legend(
         fontsize=_SMALL,
         ncols=4,

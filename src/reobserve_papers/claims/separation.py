@@ -20,10 +20,10 @@ from reobserve_papers.claims.inquiry import Robustness
 from reobserve_papers.claims.labels import Label, spelt
 from reobserve_papers.claims.outcomes import Outcome
 from reobserve_papers.claims.registry import Claim
-from reobserve_papers.claims.verdict_rules import CALIBRATED, DEPENDS, UNDECIDED
+from reobserve_papers.claims.verdict_rules import DEPENDS, UNDECIDED
 from reobserve_papers.signals.random_streams import random_stream
 
-SEPARATED = (DEPENDS, UNDECIDED, CALIBRATED)  # verdicts on claims that hold in some samples
+SEPARATED = (DEPENDS, UNDECIDED)  # verdicts for which a separating choice is sought
 SIDE = 10  # samples of each side, in each half; with less, the share of a side says little
 _HALVES = 15
 DECIDES = 0.2  # explained by a choice that is said to separate the outcomes
