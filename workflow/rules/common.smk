@@ -136,7 +136,6 @@ def one_of(section):
 wildcard_constraints:
     **{about: one_of(section) for about, section in SECTIONS.items()},
     paper="|".join(PARAMETERS),
-    chunk=r"\d+-\d+",
     task="|".join(known_tasks(Path())) or "none",
     method=r"\w+",
 
@@ -158,16 +157,15 @@ def code_of(module):
     return lambda wildcards: shared_digest(module)
 
 
-def inputs_of(step, *chunks):
+def inputs_of(step):
     """An input function: the files that a job of a step reads, beside the parameters.
 
     Of texts, digests in the params of a rule say whether they have changed; so they are `ancient`.
     """
-    words = KINDS[step].names if step in KINDS else ["chunk"] * (step == "sample")
+    words = KINDS[step].names if step in KINDS else []
 
     def files(wildcards):
         papers = [wildcards.paper] if "paper" in wildcards.keys() else CLAIMED
-        names = chunks or [wildcards[word] for word in words]
         with refused_in_one_sentence():
             paths = [
                 path
@@ -176,7 +174,7 @@ def inputs_of(step, *chunks):
                     checked(paper),
                     Path(),
                     step,
-                    *names,
+                    *[wildcards[word] for word in words],
                     cached=config["cached"],
                     style=config["style"],
                 )
@@ -191,13 +189,6 @@ def inputs_of(step, *chunks):
 def table_caption(wildcards):
     """A params function: the caption of a table."""
     return caption_template(Path(), wildcards.paper, wildcards.table, "table")
-
-
-# The chunks of samples; none if one job computes all.
-SIZE = -(-config["samples"] // config["chunks"])
-STARTS = range(0, config["samples"], SIZE) if config["chunks"] > 1 else []
-CHUNKS = [f"{start}-{start + SIZE - 1}" for start in STARTS]
-CACHED = "" if config["cached"] else " --no-cached"
 
 
 def of_claims(part):

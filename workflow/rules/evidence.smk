@@ -28,34 +28,9 @@ rule theory:
         "(set -x; reobserve-papers stage theory results/{wildcards.paper}/parameters.json) &> {log}"
 
 
-# With `chunks` above one; else the rule robustness computes all samples.
-rule sample:
-    input:
-        inputs_of("sample"),
-    output:
-        "results/{paper}/samples/{chunk}.json",
-    log:
-        "logs/{paper}/samples/{chunk}.log",
-    benchmark:
-        "logs/{paper}/samples/{chunk}.tsv"
-    priority: 2
-    conda:
-        "../envs/reobserve.yaml"
-    params:
-        settings=of_claims("samples"),
-        code=code("robustness"),
-        packages=PACKAGES,
-        options=CACHED,
-    message:
-        "{wildcards.paper}: compute the Monte Carlo samples {wildcards.chunk}"
-    shell:
-        "(set -x; reobserve-papers stage sample results/{wildcards.paper}/parameters.json"
-        " {wildcards.chunk}{params.options}) &> {log}"
-
-
 rule robustness:
     input:
-        inputs_of("robustness", *CHUNKS),
+        inputs_of("robustness"),
     output:
         "results/{paper}/robustness.json",
     log:
@@ -66,10 +41,10 @@ rule robustness:
     conda:
         "../envs/reobserve.yaml"
     params:
-        settings=of_claims("bounds"),
+        settings=of_claims("samples"),
         code=code("robustness"),
         packages=PACKAGES,
-        options=f"{' '.join([*CHUNKS, '--samples'])} {config['samples']}{CACHED}",
+        options=f"--samples {config['samples']}" + ("" if config["cached"] else " --no-cached"),
     message:
         "{wildcards.paper}: compute Monte Carlo samples of what is left open"
     shell:

@@ -118,7 +118,7 @@ def read_robustness(
     for claim in claims:
         if (stored := table.of(claim)) is not None:
             robustness = samples[claim.name] = Robustness.begin(claim, stored.basis)
-            for number in stored.numbers:
+            for number in range(len(stored.samples)):
                 choose = partial(chosen, parameters, claim.choices, number)
                 robustness.trials.append(Trial(choose, stored.at(number)))
     return samples
@@ -153,7 +153,6 @@ class Inquiry:
         claims: Sequence[Claim],
         share: float,
         cached: SampleTable | None = None,
-        chunks: Iterable[SampleTable] = (),
         *,
         complete: bool = False,
     ) -> Inquiry:
@@ -166,7 +165,7 @@ class Inquiry:
         outcomes = Outcomes(
             evaluator, [claim for claim in claims if claim.checks and claim.choices]
         )
-        chunks, asked, sampled, known = list(chunks), [], {}, {}
+        asked, sampled, known = [], {}, {}
         for claim in claims:
             if not (claim.checks and claim.choices) or (nominal := outcomes.nominal(claim)) is None:
                 continue
@@ -178,13 +177,7 @@ class Inquiry:
             sampled[claim.name] = Robustness.begin(claim, basis_of(evaluator, claim))
             needed = claim.wanted if complete else claim.references_of_all
             past = cached.current(evaluator, claim, needed) if cached else None
-            if past is not None and past.first > 0:  # a chunk, whose first samples are missing
-                past = None
-            here = known[claim.name] = KnownSamples(claim.wanted, past)
-            for table in chunks:
-                if (made := table.current(evaluator, claim, claim.wanted)) is not None:
-                    for number in made.numbers:
-                        here.take(number, made.at(number))
+            known[claim.name] = KnownSamples(claim.wanted, past)
         spent = dict.fromkeys(sampled, 0.0)
         inquiry = Inquiry(evaluator.parameters, outcomes, asked, sampled, known, share, spent)
         inquiry._verify(evaluator)
@@ -225,15 +218,12 @@ class Inquiry:
         return fewer and (claim.is_main or self.possible(claim) == (DEPENDS,))
 
     def fill(
-        self, samples: Callable[[Claim], int], chunk: range | None = None, *,
-        seconds: float = math.inf, enough: int = 0,
-    ) -> None:  # fmt: skip
-        """Make samples until claims are decided or have their maximum, or only those of a chunk.
+        self, samples: Callable[[Claim], int], *, seconds: float = math.inf, enough: int = 0
+    ) -> None:
+        """Make samples until claims are decided or have their maximum.
 
-        Samples before a chunk are used if they are known. So chunks need not wait for each other:
-        one may make samples that are not needed, and lacks none that would decide otherwise. Where
-        claims need ``enough`` samples (see `lacks`) they get these, too, up to their maximum. None
-        are made of a claim after so many CPU ``seconds``.
+        Where claims need ``enough`` samples (see `lacks`) they get these, too, up to their maximum.
+        None are made of a claim after so many CPU ``seconds``.
         """
         longest = max((self.limit(claim, samples) for claim in self.claims), default=0)
         for number in range(longest):
@@ -246,21 +236,14 @@ class Inquiry:
             ]
             if not going:
                 break
-            if chunk is None or number in chunk:
-                self.ask(number, [claim for claim in going if number not in self.known[claim.name]])
+            self.ask(number, [claim for claim in going if number not in self.known[claim.name]])
             for claim in going:
-                if number == self.sampled[claim.name].samples and number in self.known[claim.name]:
+                if number == self.sampled[claim.name].samples:
                     self.add(number, claim)
 
     def to_keep(self) -> dict[str, Samples]:
         """The samples of each claim that was not left out, for a table."""
         return {claim.name: self.sampled[claim.name].to_keep(claim) for claim in self.claims}
-
-    def chunk(self, numbers: range) -> dict[str, Samples]:
-        """The samples made between two numbers, beyond those that are cached, by claim."""
-        return {
-            name: past.chunk(self.sampled[name].basis, numbers) for name, past in self.known.items()
-        }
 
     def ask(self, number: int, claims: Iterable[Claim]) -> None:
         """Make a sample of some claims, whose outcome is known from then on."""

@@ -1,10 +1,10 @@
 """Tables of Monte Carlo samples of claims, all in one file format.
 
 A sample is determined by its number, the seed and the choices, so it is the same in any process.
-The samples cached in ``config/samples``, those of a chunk and those that decide the claims of a
-build are such tables: each has the numbers that checks and alternatives name. They are valid as
-long as nothing in the parameter file has changed that they depend on. Code may have changed, so
-each build repeats some cached samples; if one of them differs, the rest of its claim is not used.
+The samples cached in ``config/samples`` and those that decide the claims of a build are such
+tables: each has the numbers that checks and alternatives name. They are valid as long as nothing
+in the parameter file has changed that they depend on. Code may have changed, so each build repeats
+some cached samples; if one of them differs, the rest of its claim is not used.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _TRIED = 2  # first samples of a claim: one may be refused, or the parameter fil
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples of one claim: the numbers of each, in order from sample ``first`` on.
+    """Samples of one claim: the numbers of each, in order.
 
     ``basis`` is a digest of what they depend on, ``metrics`` are the references of the numbers. A
     sample is text, its numbers with spaces between, and None where the code refused the sample.
@@ -51,12 +51,9 @@ class Samples:
     basis: str
     metrics: tuple[str, ...]
     samples: tuple[str | None, ...]
-    first: int = 0
     cached: int = 0
 
     def __post_init__(self) -> None:
-        if self.first < 0:
-            raise InputError("first", f"{self.first} must be the number of a sample")
         if not 0 <= self.cached <= len(self.samples):
             allowed = f"a number of samples, up to {len(self.samples)}"
             raise InputError("cached", f"{self.cached} must be {allowed}")
@@ -69,18 +66,13 @@ class Samples:
                 raise InputError(f"samples.{place}", f"{sample!r} must be {allowed}") from None
 
     @property
-    def numbers(self) -> range:
-        """The numbers of the samples."""
-        return range(self.first, self.first + len(self.samples))
-
-    @property
     def references(self) -> tuple[Reference, ...]:
         """The places of the numbers."""
         return tuple(map(Reference.parse, self.metrics))
 
     def at(self, number: int) -> Sample | None:
         """The numbers of a sample, or None where it was refused."""
-        return from_text(self.references, self.samples[number - self.first])
+        return from_text(self.references, self.samples[number])
 
 
 def from_text(references: Sequence[Reference], text: str | None) -> Sample | None:
@@ -118,10 +110,10 @@ class SampleTable:
     def of(self, claim: Claim) -> Samples | None:
         """The samples of a claim, or `InputError` if they are more than all its settings."""
         samples = self.claims.get(claim.name)
-        if samples and claim.cells is not None and samples.numbers.stop > len(claim.cells):
+        if samples and claim.cells is not None and len(samples.samples) > len(claim.cells):
             allowed = f"at most {len(claim.cells)}, which are all settings"
             place = f"samples.{claim.paper}.{claim.name}"
-            raise InputError(place, f"there are {samples.numbers.stop}, must be {allowed}")
+            raise InputError(place, f"there are {len(samples.samples)}, must be {allowed}")
         return samples
 
     def current(
@@ -204,11 +196,11 @@ class KnownSamples:
     @property
     def length(self) -> int:
         """The number up to which samples are cached."""
-        return self.cached.numbers.stop if self.cached else 0
+        return len(self.cached.samples) if self.cached else 0
 
     def is_cached(self, number: int) -> bool:
         """True if a sample is cached, and was not made again."""
-        return bool(self.cached and number in self.cached.numbers and number not in self.made)
+        return number < self.length and number not in self.made
 
     def __contains__(self, number: int) -> bool:
         return number in self.made or self.is_cached(number)
@@ -221,16 +213,10 @@ class KnownSamples:
     def take(self, number: int, sample: Sample | None) -> None:
         """Add a new result of a sample, and drop the cached samples if it differs from theirs."""
         self.made[number] = sample
-        if self.cached and number in self.cached.numbers:
+        if self.cached and number < self.length:
             both = set(self.wanted).intersection(self.cached.references)
             if not alike(sample, self.cached.at(number), both):
                 self.cached = None
-
-    def chunk(self, basis: str, numbers: range) -> Samples:
-        """The samples made between two numbers, beyond those that are cached."""
-        new = [number for number in numbers if number >= self.length and number in self.made]
-        samples = tuple(as_text(self.wanted, self.made[number]) for number in new)
-        return Samples(basis, tuple(map(str, self.wanted)), samples, first=new[0] if new else 0)
 
 
 def to_repeat(
@@ -245,7 +231,7 @@ def to_repeat(
     best = {}
     for claim in claims:
         if (past := cached.get(claim.name)) and past.samples:
-            tried = past.numbers[:_TRIED]
+            tried = range(min(_TRIED, len(past.samples)))
             coverage = {number: _coverage(evaluator, claim, past, number) for number in tried}
             best[claim.name] = max(coverage.items(), key=lambda item: len(item[1]))
     covered: set[Step | Reference] = set()

@@ -25,8 +25,7 @@ _STAGES = {
     "parameters": "check a parameter file with overrides, and write it for the other stages",
     **{step: kind.text for step, kind in KINDS.items()},
     "robustness": "compute the samples that decide a paper's claims",
-    "sample": "compute a chunk of samples for `robustness`",
-    "sensitivity": "plot specification curves, and the choices that decide claims",
+    "sensitivity": "plot the alternatives, and the choices that decide claims",
     "alternatives": "decide a paper's claims by every alternative to a convention",
     "claims": "decide all claims",
     "verdicts": "count verdicts; fail if a claim is broken",
@@ -70,17 +69,9 @@ def robustness_options(command: argparse.ArgumentParser) -> None:
     most = "maximum number of samples per claim"
     command.add_argument("--samples", type=whole(1, 1_000_000), required=True, help=most)
     command.add_argument(
-        "chunk", nargs="*",
-        help="chunks that `reobserve-papers stage sample` made; missing samples are computed here",
+        "--no-cached", dest="cached", action="store_false",
+        help="compute all samples, those in config/samples too",
     )  # fmt: skip
-    _cached(command)
-
-
-def sample_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `sample`."""
-    _parameter_file(command)
-    command.add_argument("chunk", help="numbers of its first and last sample, such as 50-99")
-    _cached(command)
 
 
 def alternatives_options(command: argparse.ArgumentParser) -> None:
@@ -120,18 +111,6 @@ def _formats(command: argparse.ArgumentParser) -> None:
     command.add_argument("--formats", nargs="+", choices=FORMATS, required=True)
 
 
-def _cached(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--no-cached", dest="cached", action="store_false",
-        help="compute all samples, those in config/samples too",
-    )  # fmt: skip
-
-
-_RUN = {
-    "sample": "reobserve_papers.cli.stages.robustness:run_chunk",
-    "archive": "reobserve_papers.report.research_object:write_archive",
-}
-
 STAGES = CommandTable(
     "Run one stage of the pipeline, as its jobs do.",
     {
@@ -140,7 +119,9 @@ STAGES = CommandTable(
             partial(step_options, name) if name in KINDS else f"{__name__}:{name}_options",
             "reobserve_papers.steps.build_job:run"
             if name in KINDS and name != "plot"
-            else _RUN.get(name, f"reobserve_papers.cli.stages.{name}:run"),
+            else "reobserve_papers.report.research_object:write_archive"
+            if name == "archive"
+            else f"reobserve_papers.cli.stages.{name}:run",
             "papers",
         )
         for name, text in _STAGES.items()

@@ -23,7 +23,7 @@ from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.freshness import FOR_INPUTS, can_tell, out_of_date
 
 # Plots of Monte Carlo samples, whose verdicts are compared.
-_OF_SAMPLES = ("alternatives", "specification", "sensitivity")
+_OF_SAMPLES = ("alternatives", "sensitivity")
 
 # Results of one paper, from which the table of the claims of all papers is put together.
 _OF_CLAIMS = ("robustness.json", "alternatives.csv")

@@ -258,7 +258,6 @@ class Configuration(BaseModel):
     ]
     seed: Annotated[int, Field(ge=0, le=2**53 - 1)]
     samples: Annotated[int, Field(ge=1, le=1_000_000)]
-    chunks: Annotated[int, Field(ge=1, le=2000)]
     cached: bool
     papers: Annotated[Names | None, Field(description="The papers to build; all if left out.")] = (
         None

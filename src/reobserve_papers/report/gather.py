@@ -48,7 +48,6 @@ _TASK_TABLE = "results/bench/{}/table.csv"
 # What is drawn of the claims of a paper, and what each shows.
 _PLOTS = {
     "alternatives": "Verdicts on main claims and the title over all alternatives, each alone",
-    "specification": "Main claims over all samples in order, their bounds, and the choices sampled",
     "sensitivity": "Which choices separate the outcomes of claims",
 }
 

@@ -27,11 +27,10 @@ from reobserve_papers.signals.inputs import sample_files
 
 Step = tuple[str, ...]
 
-# Jobs on the claims of a paper, and the steps whose results each reads: those of all names. A chunk
-# of samples is a step; the verdicts on all papers are in one table.
+# Jobs on the claims of a paper, and the steps whose results each reads: those of all names. The
+# verdicts on all papers are in one table.
 EVIDENCE = {
-    "sample": ("study",),
-    "robustness": ("study", "sample"),
+    "robustness": ("study",),
     "alternatives": ("metrics", "robustness"),
     "sensitivity": ("metrics", "robustness", "alternatives"),
     "claims": ("metrics", "robustness"),
@@ -39,16 +38,13 @@ EVIDENCE = {
 }
 
 # What the job `sensitivity` draws.
-CLAIM_PLOTS = ("alternatives", "specification", "sensitivity")
+CLAIM_PLOTS = ("alternatives", "sensitivity")
 
 
 def reads(parameters: Parameters, step: str, *names: str) -> list[Step]:
-    """The steps whose results a step reads, in the order of its paper's function.
-
-    The names of a job on claims are those of the chunks of samples that it gathers.
-    """
+    """The steps whose results a step reads, in the order of its paper's function."""
     if step in EVIDENCE:
-        return [need for kind in EVIDENCE[step] for need in _each(parameters, kind, names)]
+        return [need for kind in EVIDENCE[step] for need in _each(parameters, kind)]
     kind, tree = KINDS[step], parameters.tree
     body = parameters.section(kind.section, names[-1]) if kind.about else {}
     scenario: str = names[0] if step == "observe" else body.get("scenario", "")
@@ -69,11 +65,9 @@ def reads(parameters: Parameters, step: str, *names: str) -> list[Step]:
     return needs
 
 
-def _each(parameters: Parameters, kind: str, chunks: tuple[str, ...]) -> list[Step]:
+def _each(parameters: Parameters, kind: str) -> list[Step]:
     """The steps of a kind in a paper."""
     tree = parameters.tree
-    if kind == "sample":
-        return [(kind, chunk) for chunk in chunks]
     if kind not in KINDS:
         return [(kind,)]
     steps: list[Step] = [(kind, name) for name in tree.get(KINDS[kind].section, {})]
@@ -102,12 +96,12 @@ def inputs(
     if step not in EVIDENCE:
         settings = parameters.settings(step, names[-1] if names else "")
     else:
-        samples = step in ("sample", "robustness")
+        samples = step == "robustness"
         settings = tree if samples else {}
         texts = [claims_path(paper), CONVENTIONS, *[samples_path(paper)] * (samples and cached)]
         files += [path for path in texts if (project / path).is_file()]
     files += [file for value in _values(settings) for file in sample_files(value)]
-    if step in ("study", "sample", "robustness"):
+    if step in ("study", "robustness"):
         studies = tree.get("studies", {})
         for study in [studies[names[0]]] if step == "study" else studies.values():
             entries = [entry for entry in study.values() if isinstance(entry, dict)]
@@ -162,7 +156,6 @@ _RESULTS = {
     "metrics": "results/{paper}/{0}.metrics.csv",
     "theory": "results/{paper}/theory.metrics.csv",
     "plot": "results/{paper}/{0}.caption.rst",
-    "sample": "results/{paper}/samples/{0}.json",
     "robustness": "results/{paper}/robustness.json",
     "alternatives": "results/{paper}/alternatives.csv",
     "claims": "results/claims.csv",
@@ -181,11 +174,11 @@ def outputs(paper: str, step: str, *names: str, formats: Iterable[str] = ()) -> 
 
 
 def all_outputs(parameters: Parameters, formats: Iterable[str]) -> list[str]:
-    """The files that the jobs of a paper write, but for chunks of samples."""
+    """The files that the jobs of a paper write."""
     return [
         path
         for step in (*KINDS, *EVIDENCE)
-        for kind, *names in _each(parameters, step, ())
+        for kind, *names in _each(parameters, step)
         for scenario in (parameters.tree["scenarios"] if kind == "observe" else [()])
         for path in outputs(
             parameters.paper, kind, *filter(None, [scenario]), *names, formats=formats

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -82,10 +82,9 @@ def assess(
     samples: Callable[[Claim], int],
     share: float,
     cached: SampleTable | None = None,
-    chunks: Iterable[SampleTable] = (),
 ) -> dict[str, Robustness]:
     """The samples of claims, as the job `robustness` makes them."""
-    inquiry = Inquiry.begin(evaluator, claims, share, cached, chunks)
+    inquiry = Inquiry.begin(evaluator, claims, share, cached)
     inquiry.fill(samples)
     return inquiry.sampled
 

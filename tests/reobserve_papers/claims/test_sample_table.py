@@ -86,13 +86,6 @@ def test_cached_samples_are_all_used_and_missing_ones_added(
     assert again.trials[:60] == first.trials
 
 
-@pytest.mark.parametrize("first_number", [1, 40, 10**15])
-def test_chunk_in_place_of_cached_samples_is_not_used(
-    first: Robustness, past: Samples, first_number: int
-) -> None:
-    assert found(NEAR, replace(past, first=first_number), samples=60) == first
-
-
 def test_change_of_the_code_invalidates_cached_samples(code: Code, past: Samples) -> None:
     code.factor = 1.001
     moved = found(NEAR, past, samples=60)
@@ -254,13 +247,13 @@ def kept(project: Path) -> SampleTable:
 numbers = st.dictionaries(st.sampled_from([GAINS, SHARES]), st.floats(width=32)) | st.none()
 
 
-@given(st.lists(numbers), st.integers(0, 2000), st.booleans(), st.data())
+@given(st.lists(numbers), st.booleans(), st.data())
 def test_table_is_read_as_it_was_written(
-    found: list[Sample | None], first: int, seal: bool, data: st.DataObject
+    found: list[Sample | None], seal: bool, data: st.DataObject
 ) -> None:
     texts = tuple(as_text([GAINS, SHARES], one) for one in found)
     cached = data.draw(st.integers(0, len(texts)))
-    one = Samples("0a", (str(GAINS), str(SHARES)), texts, first, cached)
+    one = Samples("0a", (str(GAINS), str(SHARES)), texts, cached)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "ilo.json"
         write_samples(path, ILO, {"it": one, "none": replace(one, samples=(), cached=0)}, seal=seal)
@@ -268,7 +261,7 @@ def test_table_is_read_as_it_was_written(
         assert ("sha256" in path.read_text()) == seal
     assert table.keys == KEYS
     assert table.claims == {"it": one, "none": replace(one, samples=(), cached=0)}
-    for number, numbers in zip(one.numbers, found, strict=True):
+    for number, numbers in enumerate(found):
         assert alike(table.claims["it"].at(number), numbers, [GAINS, SHARES])
 
 
@@ -282,8 +275,6 @@ def test_table_is_read_as_it_was_written(
         ({"metrics": ["fig1 a"]}, r"claims.it.reference: 'fig1 a' must be FIGURE OBSERVER METRIC"),
         ({"cached": 61}, r"claims.it.cached: 61 must be a number of samples, up to 60$"),
         ({"cached": -1}, r"claims.it.cached: -1 must be a number of samples, up to 60$"),
-        ({"first": -1}, r"claims.it.first: -1 must be the number of a sample$"),
-        ({"first": "all"}, r"claims.it.first: 'all' must be a whole number"),
         ({"basis": None}, r"claims.it.basis"),
         ({"values": []}, r"claims.it.values"),
     ],

@@ -142,7 +142,7 @@ def copy_toy(target: Path) -> Project:
     shutil.copy(toy / "claims.yaml", target / "config/claims/toy.yaml")
     shutil.copy(toy / "errata.yaml", target / "config/errata/toy.yaml")
     config = "papers: [toy]\nbench: [torque]\nformats: [svg]\nseed: 1\n"
-    config += "samples: 40\nchunks: 1\ncached: true\n"
+    config += "samples: 40\ncached: true\n"
     (target / "config/config.yaml").write_text(config)
     return project
 

@@ -35,7 +35,7 @@ EVIDENCE = (
     "robustness.json", "alternatives.csv", "claims.csv", "verdicts.md", "report.html",
     *(
         f"/{name}.{kind}"
-        for name in ("alternatives", "specification", "sensitivity")
+        for name in ("alternatives", "sensitivity")
         for kind in CONFIG["formats"]
     ),
 )  # fmt: skip

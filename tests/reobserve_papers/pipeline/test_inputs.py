@@ -17,12 +17,11 @@ from reobserve_papers.steps.chain import EVIDENCE
 from .conftest import PAPERS, Project, copy_toy
 
 QUICK = "lie"  # whose studies take seconds
-CHUNKS = ("--config", "chunks=2")
 
 
-def summary(project: Project, *config: str) -> list[dict[str, str]]:
+def summary(project: Project) -> list[dict[str, str]]:
     """What Snakemake knows of each file of a build."""
-    said = project.snakemake("--detailed-summary", *config).stdout
+    said = project.snakemake("--detailed-summary").stdout
     return list(csv.DictReader(said.splitlines(), delimiter="\t"))
 
 
@@ -66,7 +65,6 @@ def test_step_needs_the_inputs_of_its_rule_only(
 @pytest.mark.nightly
 def test_job_on_claims_needs_the_inputs_of_its_rule_only(tmp_path: Path) -> None:
     toy = copy_toy(tmp_path / "toy")
-    toy.snakemake(*CHUNKS)
-    rows = summary(toy, *CHUNKS)
-    ran = check_one_job_of_each(toy, rows, {*EVIDENCE, "report"}, "toy", tmp_path / "alone")
+    toy.snakemake()
+    ran = check_one_job_of_each(toy, summary(toy), {*EVIDENCE, "report"}, "toy", tmp_path / "alone")
     assert ran == {*EVIDENCE, "report"}

@@ -91,10 +91,8 @@ def as_run(command: Command, built: str = "") -> str:
     if words == ["make", "help"]:
         return command.text
     if first in ("make", "snakemake"):
-        # There is no cluster here; and chunks are all alike.
-        if "--profile" in rest:
+        if "--profile" in rest:  # there is no cluster here
             words = [word for word in words if word not in ("--profile", "profiles/slurm")]
-            words = [word.replace("chunks=200", "chunks=2") for word in words]
         earnest = built in rest or "--dry-run" in rest or command.refused
         return shlex.join(words if earnest else [*words, "--dry-run"])
     if first in PROGRAMS:

@@ -63,7 +63,7 @@ def test_default_build_makes_the_table_and_the_figure(toy: Project) -> None:
     built = {name for name in toy.results() if name.startswith("toy/")}
     assert built == {
         "toy/parameters.json", "toy/gains.design.json", "toy/table1.csv", "toy/faster.study.csv",
-        "toy/theory.metrics.csv", "toy/robustness.json", "toy/specification.svg",
+        "toy/theory.metrics.csv", "toy/robustness.json",
         "toy/sensitivity.svg", "toy/alternatives.svg", "toy/alternatives.csv",
         *(f"toy/push/{name}.parquet" for name in ("plant", "placed", "slow")),
         *(f"toy/fig1.{suffix}" for suffix in ("svg", "caption.rst", "metrics.csv")),

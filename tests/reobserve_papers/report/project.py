@@ -96,7 +96,7 @@ MEANINGS = {
 
 def configure(folder: Path, papers: str, formats: str) -> None:
     """Write a configuration with these papers and formats."""
-    rest = "seed: 1\nsamples: 40\nchunks: 1\ncached: true\n"
+    rest = "seed: 1\nsamples: 40\ncached: true\n"
     (folder / "config/config.yaml").write_text(f"papers: {papers}\nformats: {formats}\n{rest}")
 
 
@@ -120,7 +120,7 @@ def make_project(folder: Path) -> Path:
     shutil.copytree(ROOT / "workflow/report/replication", folder / "workflow/report/replication")
     shutil.copy(ROOT / "workflow/report/table.rst", folder / "workflow/report")
     (built / "parameters.json").write_text(Parameters.load(folder, "toy", seed=1).text())
-    for picture in ("fig1", "alternatives", "specification", "sensitivity"):
+    for picture in ("fig1", "alternatives", "sensitivity"):
         (built / f"{picture}.svg").write_text(SVG)
     (built / "fig1.caption.rst").write_text(CAPTION)
     numbers = [Metric("placed", "late_rms_error", 0.001, "1/s")]

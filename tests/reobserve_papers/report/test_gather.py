@@ -28,7 +28,7 @@ from tests import ROOT
 from .project import BROKEN, CLAIMS, SVG, TITLE, configure, write_claims
 
 PAGE = "results/report.html"
-PICTURES = ("fig1", "alternatives", "specification", "sensitivity")
+PICTURES = ("fig1", "alternatives", "sensitivity")
 
 
 def gathered(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve_papers.claims.plot_alternatives import alternatives_curve
-from reobserve_papers.claims.plot_claims import sensitivity_bars, specification_curves
+from reobserve_papers.claims.plot_claims import sensitivity_bars
 from reobserve_papers.claims.title import read_alternatives
 from reobserve_papers.cli.stages.alternatives import decider_of
 from reobserve_papers.parameters.parameters import Parameters
@@ -26,7 +26,6 @@ def run(parameter_file: Path, formats: Sequence[str]) -> None:
     verdicts = {name: judgement.verdict for name, judgement in decider.judged.items()}
     plots = (
         alternatives_curve(title, rows, verdicts),
-        specification_curves(claims, decider.samples, decider.numbers),
         sensitivity_bars(claims, decider.samples, verdicts),
     )
     for name, plot in zip(CLAIM_PLOTS, plots, strict=True):

@@ -1,4 +1,4 @@
-"""Samples in chunks as jobs: locally, and on a single-node Slurm where one of them is killed."""
+"""A build as jobs of a single-node Slurm, where one of them is killed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from reobserve.core.documents import read_yaml
 
 from .conftest import ROOT, Project, copy_toy
 from .slurm_node import ask, missing, slurm_node
-from .test_staleness import edited
 
 ROBUSTNESS = "results/toy/robustness.json"
 WHOLE = ("samples=40",)
@@ -36,10 +35,9 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Project:
 
 
 @pytest.fixture(scope="module")
-def in_one(toy: Project) -> bytes:
-    """The result of a single job for all samples."""
+def on_one_machine(toy: Project) -> bytes:
+    """The samples of a build on this machine."""
     toy.snakemake(ROBUSTNESS, "--config", *WHOLE)
-    assert not (toy.folder / "results/toy/samples").exists()
     return (toy.folder / ROBUSTNESS).read_bytes()
 
 
@@ -49,37 +47,6 @@ def test_slurm_profile_lists_exactly_the_existing_rules() -> None:
     alone, grouped = {*profile["set-resources"]}, {*profile["groups"]}
     assert not alone & grouped
     assert alone | grouped | {"search"} == set(re.findall(r"^rule (\w+):", text, re.MULTILINE))
-
-
-def chunks(toy: Project) -> list[str]:
-    names = (path.stem for path in (toy.folder / "results/toy/samples").glob("*.json"))
-    return sorted(names, key=lambda name: int(name.partition("-")[0]))
-
-
-@pytest.mark.nightly
-def test_sample_chunks_as_jobs_give_the_same_bytes(toy: Project, in_one: bytes) -> None:
-    toy.snakemake(ROBUSTNESS, "--config", *WHOLE, "chunks=4")
-    assert chunks(toy) == ["0-9", "10-19", "20-29", "30-39"]
-    assert (toy.folder / ROBUSTNESS).read_bytes() == in_one
-    more = ["samples=70", "chunks=7"]
-    assert toy.stale(ROBUSTNESS, config=more) == {"sample": 3, "robustness": 1}
-    (toy.folder / ROBUSTNESS).unlink()
-    (toy.folder / "results/toy/samples/30-39.json").unlink()
-    lost = toy.stale(ROBUSTNESS, config=[*WHOLE, "chunks=4"])
-    assert lost == {"sample": 1, "robustness": 1}
-
-
-@pytest.mark.nightly
-def test_sample_chunks_are_stale_after_their_inputs_change(toy: Project, in_one: bytes) -> None:
-    """In the same build, also if a study before them has to run first."""
-    config = [*WHOLE, "chunks=2"]
-    toy.snakemake(ROBUSTNESS, "--config", *config)
-    gain = "toy={observers: {slow: {gains: [0.9, 1.1]}}}"
-    assert toy.stale(ROBUSTNESS, config=[*config, gain])["sample"] == 2
-    with edited(toy.folder / "src/toy_paper/study.py"):
-        stale = toy.stale(ROBUSTNESS, config=config)
-    assert stale == {"study": 1, "sample": 2, "robustness": 1}
-    assert toy.stale(ROBUSTNESS, config=config) == {}
 
 
 @pytest.fixture
@@ -96,11 +63,9 @@ def slurm() -> Iterator[dict[str, str]]:
 
 
 def test_slurm_runs_all_jobs_and_restarts_a_killed_one(
-    toy: Project, in_one: bytes, slurm: dict[str, str]
+    toy: Project, on_one_machine: bytes, slurm: dict[str, str]
 ) -> None:
-    """Slurm jobs: everything after the figures, two chunks (one of them twice), the job that
-    gathers them, and all later ones.
-    """
+    """Slurm jobs: the figures, the samples (twice), and all that comes after them."""
     shutil.rmtree(toy.folder / "results/toy")
     paths = (toy.environment["PYTHONPATH"], str(PLUGIN))
     environment = toy.environment | slurm | {"PYTHONPATH": os.pathsep.join(paths)}
@@ -108,12 +73,12 @@ def test_slurm_runs_all_jobs_and_restarts_a_killed_one(
         "snakemake", "--profile", "profiles/slurm", "--cores", "2", "--latency-wait", "5",
         "--slurm-no-account", "--slurm-status-command", "squeue",
         "--slurm-init-seconds-before-status-checks", "1", "--seconds-between-status-checks", "3",
-        "--config", *WHOLE, "chunks=2",
+        "--config", *WHOLE,
     )  # fmt: skip
     log = (toy.folder / "slurm.log").open("w+")
     with log, subprocess.Popen(command, cwd=toy.folder, env=environment, stderr=log) as build:
         try:
-            killed = kill_first_chunk(slurm, build)
+            killed = kill_samples(slurm, build)
             build.wait(240)
         finally:
             build.kill()
@@ -122,22 +87,21 @@ def test_slurm_runs_all_jobs_and_restarts_a_killed_one(
             print(reported)
     assert build.returncode == 0, reported
     assert f"'{killed}' failed, SLURM status is: 'CANCELLED'" in reported
-    assert chunks(toy) == ["0-19", "20-39"]
-    assert (toy.folder / ROBUSTNESS).read_bytes() == in_one
+    assert (toy.folder / ROBUSTNESS).read_bytes() == on_one_machine
     for name in ("toy/table1.csv", "toy/fig1.svg", "toy/sensitivity.svg", "report.html"):
         assert (toy.folder / "results" / name).is_file()
     states = ask(slurm, "squeue", "--noheader", "--states=all", "--format=%T").split()
-    assert sorted(states) == ["CANCELLED", *5 * ["COMPLETED"]]
+    assert sorted(states) == ["CANCELLED", *3 * ["COMPLETED"]]
 
 
-def kill_first_chunk(slurm: dict[str, str], build: subprocess.Popen[bytes]) -> str:
-    """Wait for a chunk to run and cancel it; returns its Slurm job."""
+def kill_samples(slurm: dict[str, str], build: subprocess.Popen[bytes]) -> str:
+    """Wait for the job of the samples to run and cancel it; returns its Slurm job."""
     while build.poll() is None:
         rows = ask(slurm, "squeue", "--noheader", "--states=RUNNING", "--format=%i %k")
         for row in rows.splitlines():
             number, _, comment = row.partition(" ")
-            if "sample" in comment:
+            if "robustness" in comment:
                 ask(slurm, "scancel", number)
                 return number
         time.sleep(0.2)
-    raise AssertionError("no chunk ran")
+    raise AssertionError("no samples were made")
