@@ -89,8 +89,8 @@ def _three_lines(paper: Paper) -> str:
         kind = kinds.get(claim.verdict, "Open")
         said = f"[{ticks(claim.statement.rstrip('.'))}](#claim-{claim.name})"
         if kind in ("Depends", "Open"):
-            verdict = f"{claim.verdict}, " if kind == "Open" else ""
-            said += f" ({verdict}{_share(claim)})"
+            verdict = claim.verdict if kind == "Open" else ""
+            said += f" ({', '.join(filter(None, [verdict, _no_better(claim), _share(claim)]))})"
         sorted_by[kind].append(said)
     return "\n".join(
         f"- **{kind}**: {'; '.join(listed) if listed else 'no main claim'}."
@@ -112,7 +112,7 @@ def _claims(paper: Paper) -> str:
         (
             f'<a id="claim-{claim.name}"></a>{ticks(claim.statement)}'
             + (" **Main claim.**" if _decides(claim) else ""),
-            chip(claim.verdict),
+            chip(claim.verdict) + (f", {no_better}" if (no_better := _no_better(claim)) else ""),
             _share(claim),
         )
         for claim in paper.claims
@@ -121,7 +121,8 @@ def _claims(paper: Paper) -> str:
     return (
         "## Claims\n\nThe statements are in our words. The last column is the share of samples of "
         "the unstated choices in which the claim holds, with its confidence interval: each end "
-        "holds with 95 % confidence at any number of samples. "
+        "holds with 95 % confidence at any number of samples. The baseline is an estimator that "
+        "knows nothing, such as a guess or random gains, and its share of the same samples. "
         "Of a claim that depends on choices or is undecided it says instead which choice separates "
         "the outcomes most, if one explains a fifth of them or more: it was found in one half of "
         "the samples, and the numbers are of the other half, or of all where settings are counted. "
@@ -139,17 +140,22 @@ def _decides(claim: ReportedClaim) -> bool:
     return claim.is_main and claim.verdict != "not testable"
 
 
+def _no_better(claim: ReportedClaim) -> str:
+    return claim.robustness.no_better if claim.robustness else ""
+
+
 def _share(claim: ReportedClaim) -> str:
     if not claim.robustness:
         return ""
     found = claim.robustness
+    baseline = "" if found.null is None else f"; baseline {100 * found.null:.0f} %"
     if claim.choice:
-        return plain(claim.separation)
+        return plain(claim.separation) + baseline
     joint = f": {plain(claim.separation)}" if claim.separation else ""
     share, low, high = (f"{100 * part:.0f}" for part in (found.share, found.low, found.high))
     if found.whole:
-        return f"{share} % of all{joint}"
-    return f"{share} % ({low} to {high} %){joint}"
+        return f"{share} % of all{joint}{baseline}"
+    return f"{share} % ({low} to {high} %){joint}{baseline}"
 
 
 def _cite(paper: Paper) -> str:

@@ -15,8 +15,11 @@ from docs.generate.navigation import hand_written, navigation
 from docs.generate.parts import _parts, part
 from docs.outputs import PAGES, ROOT, by_hand
 from reobserve.core.errors import InputError
-from reobserve_papers.claims.registry import read_claims
+from reobserve_papers.claims.outcomes import nested, outcome
+from reobserve_papers.claims.registry import read_claims, read_registry
+from reobserve_papers.claims.sample_table import read_cached
 from reobserve_papers.golden.golden_claims import read_golden
+from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.report.reported_claims import SIGNS
 from tests import FIVE, published_numbers
 from tests.test_project import LAYERS
@@ -68,6 +71,24 @@ def test_share_of_samples_is_that_of_the_cached_ones() -> None:
     drawn = [float(draw.split()[0]) > 0.9 for draw in kept["samples"]]
     row = text.partition('<a id="claim-nonresonance_is_easy"></a>')[2].partition("\n")[0]
     assert f" | {100 * sum(drawn) / len(drawn):.0f} % (" in row
+
+
+@pytest.mark.parametrize("paper", FIVE)
+def test_share_of_a_baseline_stands_beside_that_of_the_observer(paper: str) -> None:
+    """Drawn over all claims with a baseline, from the samples that git holds."""
+    text = (PAGES / f"findings/{paper}.md").read_text(encoding="utf-8")
+    cached = read_cached(ROOT, paper).claims
+    for claim in read_registry(ROOT, Parameters.load(ROOT, paper)).claims:
+        if claim.null and claim.name in cached:
+            kept = cached[claim.name]
+            drawn = [kept.at(k) for k in range(len(kept.samples))]
+            held, null = (
+                sum(outcome(one, sample and nested(sample)) == "holds" for sample in drawn)
+                for one in (claim, claim.with_null)
+            )
+            row = text.partition(f'<a id="claim-{claim.name}"></a>')[2].partition("\n")[0]
+            assert f"; baseline {100 * null / len(drawn):.0f} % |" in row
+            assert "no better than the baseline" in row or null < held or not null
 
 
 def test_parts_are_on_pages_and_announced_where_the_site_has_them() -> None:

@@ -235,7 +235,8 @@ class Decider:
             if claim is not self._own(claim.name):
                 raise
             return (BROKEN,), ""
-        fitted = (claim.quantifier == "can" or claim.printed) and self.setting(claim) != ""
+        fitted = claim.quantifier in ("can", "shown") or claim.printed
+        fitted = fitted and self.setting(claim) != ""
         if keep is not None:
             outcomes = self._kept(claim, outcomes, keep)
         count = self.counted(claim, outcomes)

@@ -11,7 +11,7 @@ from reobserve.core.validation import Text, distinct, items
 from reobserve_papers.parameters.parameter_file import Interval, Model
 
 Promise = Literal["abstract", "conclusions"]
-Quantifier = Literal["can", "is", "always"]
+Quantifier = Literal["can", "shown", "is", "always"]
 References = Annotated[
     Annotated[str, Tag("one")] | Annotated[Annotated[list[str], items()], Tag("several")],
     Discriminator(lambda value: "several" if isinstance(value, list) else "one"),
@@ -68,8 +68,9 @@ class ClaimEntry(Model):
     )
     quantifier: Quantifier = Field(
         "is",
-        description="What it says of the settings that the paper leaves open: it `can` be so, it"
-        " `is` so, it is `always` so, which one counterexample contradicts.",
+        description="What it says of the settings that the paper leaves open: it `can` be so, it is"
+        " `shown` by one setting, it `is` so, it is `always` so, which one counterexample"
+        " contradicts.",
     )
     printed: bool = Field(
         False,
@@ -89,9 +90,10 @@ class ClaimEntry(Model):
         [],
         description="What samples vary: keys of parameters, patterns of keys, groups of `choices`.",
     )
-    null: Annotated[dict[str, str], Field(min_length=1)] | None = Field(
+    null: Annotated[dict[str, str], Field(min_length=1)] | Text | None = Field(
         None,
-        description="By observer: one that knows nothing, with which the checks should fail.",
+        description="The baseline. By observer: one that knows nothing, with which the checks"
+        " should fail. Or why there is none, which a main claim of what `can` be must say.",
     )
     samples: Annotated[int, Field(ge=36)] | None = Field(
         None, description="The maximum number of samples, where a formula makes them cheap."

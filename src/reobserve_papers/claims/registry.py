@@ -188,6 +188,13 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
     for name, entry in stated.claims.items():
         with located(f"claims.{paper}.{name}"):
             refuse_unknown("departs", entry.departs, conventions.values)
+            if (
+                entry.promised
+                and entry.quantifier == "can"
+                and not (entry.null or entry.not_testable)
+            ):
+                allowed = "observers that know nothing, or why there are none"
+                raise InputError("null", f"is missing of a main claim of what can be: {allowed}")
             asked[name] = _choices(parameters, entry.depends_on, stated.choices)
             claims.append(_claim(parameters, name, entry, asked[name], known))
 
@@ -302,12 +309,14 @@ def _claim(
             for key, references in (("value", check.value), (check.how, check.other)):
                 with located(key):
                     check_names(parameters, references, known)
-    if entry.null:
+    null = entry.null if isinstance(entry.null, dict) else {}
+    no_null = f"There is no baseline: {entry.null}" if entry.null and not null else ""
+    if null:
         observers = {one.observer for check in checks for one in check.references}
-        refuse_unknown("null", entry.null, observers)
+        refuse_unknown("null", null, observers)
         for check in checks:
             with located("null"):
-                check_names(parameters, check.of_others(entry.null).references, known)
+                check_names(parameters, check.of_others(null).references, known)
     return Claim(
         parameters.paper,
         name,
@@ -318,11 +327,11 @@ def _claim(
         quantifier=entry.quantifier,
         printed=entry.printed,
         checks=tuple(checks),
-        why=entry.why or entry.not_testable or "",
+        why=" ".join(filter(None, [entry.why or entry.not_testable, no_null])),
         threshold=entry.threshold or "",
         choices=choices,
         testable=entry.not_testable is None,
-        null=entry.null or {},
+        null=null,
         maximum=entry.samples,
         setting=entry.setting or "",
     )

@@ -72,7 +72,8 @@ def possible(
     Parameters
     ----------
     quantifier
-        One counterexample contradicts a claim of what is `always` so.
+        One counterexample contradicts a claim of what is `always` so, one setting reproduces
+        what is to be `shown`.
     counted
         In how many settings it was tried, and held.
     share
@@ -82,6 +83,8 @@ def possible(
         numbers that the paper prints: it is not contradicted where such settings are rare.
     """
     low = CALIBRATED if fitted else CONTRADICTED
+    if quantifier == "shown" and (fitted or counted.held):
+        return (REPRODUCED,)
     if quantifier == "always":
         tried = counted.samples - counted.refused
         if counted.held < tried:

@@ -36,6 +36,11 @@ class ReportedRobustness:
     lost: int
     cached: int
 
+    @property
+    def no_better(self) -> str:
+        """The words for a claim that a baseline meets as often, as far as the samples tell."""
+        return "no better than the baseline" if self.null and self.null >= self.low else ""
+
 
 @dataclass(frozen=True)
 class ReportedClaim:

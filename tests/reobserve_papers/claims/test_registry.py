@@ -118,7 +118,12 @@ def test_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
         ({"samples": 35}, "claims.ilo.one.samples: 35 must be 36 or more"),
         (
             {"quantifier": "sometimes"},
-            "claims.ilo.one.quantifier: 'sometimes' must be one of can, is, always",
+            "claims.ilo.one.quantifier: 'sometimes' must be one of can, shown, is, always",
+        ),
+        (
+            {"quantifier": "can", "promised": ["abstract"]},
+            "claims.ilo.one.null: is missing of a main claim of what can be: observers that know "
+            "nothing, or why there are none",
         ),
         ({"place": ""}, "claims.ilo.one.place: must not be empty"),
         (

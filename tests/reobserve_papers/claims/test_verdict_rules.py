@@ -228,6 +228,7 @@ def test_parameter_file_is_a_counterexample_as_any_other() -> None:
 
 
 CAN = replace(SAMPLED, quantifier="can")
+SHOWN = replace(SAMPLED, quantifier="shown")
 PRINTED = replace(SAMPLED, printed=True)
 SEARCHED = "at 4711, of 300 tries between 500 and 5000, seed 1"
 
@@ -243,9 +244,13 @@ SEARCHED = "at 4711, of 300 tries between 500 and 5000, seed 1"
         (SAMPLED, 2.0, 1, CONTRADICTED, "the parameter file"),  # asks for no setting
         (replace(SAMPLED, setting=SEARCHED), 0.5, 0, CONTRADICTED, SEARCHED),
         (CAN, 2.0, 36, DEPENDS, "the parameter file"),
+        (SHOWN, 2.0, 0, REPRODUCED, "the parameter file"),
+        (SHOWN, 0.5, 1, REPRODUCED, f"{GAIN} 0"),
+        (SHOWN, 0.5, 0, CONTRADICTED, ""),
+        (replace(SHOWN, setting=SEARCHED), 0.5, 0, REPRODUCED, SEARCHED),
     ],
 )
-def test_known_setting_makes_what_can_be_or_is_printed_calibrated(
+def test_known_setting_makes_what_can_be_or_is_printed_calibrated_and_shows_the_shown(
     one: Claim, gain: float, held: int, word: str, setting: str
 ) -> None:
     found = judged(one, gain, drawn(held, 72))
