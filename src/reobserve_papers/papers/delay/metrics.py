@@ -104,6 +104,7 @@ MEANINGS = {
         "seconds or more from singular instants"
     ),
     "zeros_of_xi": "number of sign changes of xi (10) after the last jump of the delay",
+    "rate_of_xi rho=<level>": "largest rate of the estimated xi (Assumption 7) over the run",
     "proof_radius rho=<level>": "the r of (16) by (28) to (31), with the numbers of Fig. 2",
     "lyapunov_rate": (
         "largest V' over rho V for (27) where the projection holds the delay; negative without it"

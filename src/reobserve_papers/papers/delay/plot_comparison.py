@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from reobserve_papers.metrics.responses import error_of
 from reobserve_papers.papers.delay import keys
-from reobserve_papers.papers.delay.plot_states import BIN, upright
+from reobserve_papers.papers.delay.plot_states import upright
 from reobserve_papers.papers.delay.styles import style_of
 from reobserve_papers.parameters.figure_data import FigureData
 from reobserve_papers.plotting.figures import (
@@ -22,6 +22,7 @@ from reobserve_papers.plotting.figures import (
 )
 
 CLOSE = 4.0  # [s] before a jump, to show an oscillation
+BIN = 0.2  # [s], each drawn as its largest error
 
 
 def draw(data: FigureData[keys.Job]) -> Figure:

@@ -26,7 +26,7 @@ from reobserve_papers.plotting.figures import (
 from reobserve_papers.plotting.style_sheet import points, thick
 from reobserve_papers.signals.series import Series
 
-BIN = 0.2  # [s], each drawn as its largest error
+BIN = 1.0  # [s], each drawn as its largest error: so long that dashes are seen in noise
 BELOW = 0.76  # share of a panel's height below its legend
 STRIP = 0.06  # height of the bars that show where a gain is off, as a share of the panel's
 
@@ -63,7 +63,7 @@ def draw(data: FigureData[keys.Job]) -> Figure:
     rate.set_title("(c) rate; grey: the pendulum")
     delay_error.set(ylabel="error [s]", ylim=(-1.0, 1.0))
     delay_error.set_title("(d) error of the delay")
-    each = "(largest in each fifth of a second)"
+    each = "(largest in each second)"
     for panel, letter, word, unit in zip(
         state_errors, "ef", ("angle", "rate"), ("rad", "rad/s"), strict=True
     ):

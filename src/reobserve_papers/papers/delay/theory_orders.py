@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import factorial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,7 @@ def _body(job: keys.Job) -> keys.Extended:
 
 @part
 def _more_derivatives(job: keys.Job, sine: Series) -> Iterator[Metric]:
-    """Errors where the delay varies, for all orders, and away from singular instants."""
+    """Errors where the delay varies and away from singular instants, and the rate of xi^."""
     body, rules = _body(job), job.metrics
     every = 2 * stride(job.plant.step, body.sampling_period)
     time, truth = sine.time[::every], np.column_stack([sine["state"], sine["delay"]])[::every]
@@ -76,7 +77,13 @@ def _more_derivatives(job: keys.Job, sine: Series) -> Iterator[Metric]:
             error = np.column_stack([run["state"], run["delay"]]) - truth
             value = float(root_mean_square(error[chosen, -1]))
             away = float(np.linalg.norm(error[late & ~near], axis=1).max(initial=0.0))
-            for score in (("varying_rms_delay_error", value, "s"), ("radius_away", away, "1")):
+            xi = observer.model.parameters[-1] * _xi(order, run["delay"], u[::2, 1:].T)
+            rate = float(np.max(np.abs(np.diff(xi)))) / body.sampling_period
+            for score in (
+                ("varying_rms_delay_error", value, "s"),
+                ("radius_away", away, "1"),
+                ("rate_of_xi", rate, "N/(kg m s^2)"),
+            ):
                 yield Metric.at(f"order_{order}", score, rho=rho)
 
 
@@ -108,9 +115,12 @@ def _zeros_of_xi(job: keys.Job, sine: Series) -> Iterator[Metric]:
     signals = input_and_derivatives("sine", Signal.parse("sine", job.theory.sine, 1), max(ORDERS))
     rates = [signal(time)[:, 0] for signal in signals[1:]]
     for order in ORDERS:
-        terms = [
-            (-1) ** i * delay ** (i - 1) / factorial(i) * rates[i - 1] for i in range(1, order + 1)
-        ]
-        xi = np.sum(terms, axis=0)
+        xi = _xi(order, delay, rates)
         zeros = float(np.count_nonzero(xi[1:] * xi[:-1] < 0))
         yield Metric(f"order_{order}", "zeros_of_xi", zeros, "1")
+
+
+def _xi(order: int, delay: Array, rates: Any) -> Array:
+    """The factor xi (10) over G, from the derivatives of the input."""
+    terms = [(-delay) ** (i - 1) / factorial(i) * -rates[i - 1] for i in range(1, order + 1)]
+    return np.asarray(np.sum(terms, axis=0))

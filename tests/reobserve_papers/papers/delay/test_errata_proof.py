@@ -258,6 +258,11 @@ def test_rho_of_text_and_caption_differ() -> None:
     assert hanging[5.0] == pytest.approx((22.5 + 75 + 19.62) / 125)
     assert hanging[2.5] == pytest.approx((11.25 + 18.75 + 19.62) / 15.625)
     assert hanging[2.5] > 3 * hanging[5.0]
+    # As in Fig. 2, without noise: only with 5 the error of m = 1 has a peak at u' = 0, 70.7 s.
+    for rho, ratio in ((2.5, 1.04), (5.0, 4.3)):
+        error = np.abs(delay_error("sine", rho, 1, 0.7, 86.0))
+        peak, lag = (np.max(seconds(error, *span)) for span in ((67, 75), (79, 86)))
+        assert peak / lag == pytest.approx(ratio, rel=0.03)
 
 
 def test_differentiator_of_sliding_order_two_has_no_second_derivative() -> None:

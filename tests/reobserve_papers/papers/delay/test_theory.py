@@ -389,6 +389,15 @@ def test_radius_of_the_first_order_tends_to_the_error_of_the_expansion() -> None
     assert radii == sorted(radii, reverse=True)
 
 
+def test_rate_of_xi_grows_with_the_gain_if_the_estimate_is_part_of_it() -> None:
+    """For m = 1 it is G |u''|; for m = 2 a jump by 0.9 s at 40 s moves it, with poles -rho."""
+    for rho in (20, 40):
+        assert numbers().at("order_1", "rate_of_xi", rho=rho) == pytest.approx(GAIN * 0.04)
+        moved = 0.9 * rho * 2 * np.exp(-2)
+        expected = GAIN * 0.04 * np.sin(8.0) * (1 + moved / 2)
+        assert numbers().at("order_2", "rate_of_xi", rho=rho) == pytest.approx(expected, rel=0.12)
+
+
 def test_observer_without_threshold_agrees_with_the_library_on_a_ramp() -> None:
     """There xi is constant, and nothing is switched off."""
     ramp = [
