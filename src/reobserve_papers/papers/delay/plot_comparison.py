@@ -22,7 +22,6 @@ from reobserve_papers.plotting.figures import (
 )
 
 CLOSE = 4.0  # [s] before a jump, to show an oscillation
-BIN = 0.2  # [s], each drawn as its largest error
 
 
 def draw(data: FigureData[keys.Job]) -> Figure:
@@ -35,7 +34,7 @@ def draw(data: FigureData[keys.Job]) -> Figure:
         line = {**style_of(observer).line(), "label": observer.label}
         delay.plot(*thin(estimate.time, estimate["delay"]), **line)
         off = error_of(plant, estimate, "delay")
-        error.semilogy(*envelope(estimate.time, np.abs(off), BIN), **line)
+        error.semilogy(*envelope(estimate.time, np.abs(off), 0.2), **line)
         close.plot(estimate.time, off, **line)
     delay.set_ylabel("delay [s]")
     delay.set_title("(a) delay and its estimates")

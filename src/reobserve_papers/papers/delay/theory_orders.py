@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import factorial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +119,7 @@ def _zeros_of_xi(job: keys.Job, sine: Series) -> Iterator[Metric]:
         yield Metric(f"order_{order}", "zeros_of_xi", zeros, "1")
 
 
-def _xi(order: int, delay: Array, rates: Any) -> Array:
+def _xi(order: int, delay: Array, rates: list[Array] | Array) -> Array:
     """The factor xi (10) over G, from the derivatives of the input."""
     terms = [(-delay) ** (i - 1) / factorial(i) * -rates[i - 1] for i in range(1, order + 1)]
     return np.asarray(np.sum(terms, axis=0))
