@@ -156,7 +156,7 @@ def of_lie() -> Iterator[str]:
     agree = [table[row, "agrees", ""].value for row in rows]
     assert agree == ["yes"] * 10
     yield "All ten nonlinear coefficients"
-    drawn = _paper("lie").decider.samples["injection_enlarges_domain"].trials
+    drawn = _paper("lie").decider.samples["injection_improves_the_error"].trials
     order = Reference("theory", "nonlinear", "share_better_at_order_0 measure=square")
     better = sum(bool(trial.numbers) and trial.numbers[order] > 0.5 for trial in drawn)
     yield f"{better} of {len(drawn)} random injections are better"

@@ -244,6 +244,7 @@ class Theory:
     tries: Annotated[int, within(1, 1000), PURE]
     margin: Factor
     lie_gain: Literal["eliminated", "open"]
+    lie_equations: Literal["elimination", "division", "real_division"]
     brute_force: Literal["by_degree", "all_at_once"]
     compared_order: Order
     compared_gain: Gain

@@ -79,7 +79,11 @@ MEANINGS = {
     "share states=<states>": "the same with more states than two",
     "operations degree=<degree>": (
         "sums, products and quotients of fractions for T up to a degree, the gain of the Lie "
-        "transform as `theory.lie_gain` states and brute force as `theory.brute_force` does"
+        "transform and its equations as `theory.lie_gain` and `theory.lie_equations` state, brute "
+        "force as `theory.brute_force` does, with elimination"
+    ),
+    "operations degree=<degree> equations=alike": (
+        "the same of brute force with equations as `theory.lie_equations` states"
     ),
     "decay_rate": "mean slope of log |e| over a turn of the limit cycle; of the theory, of |xi|",
     "error_decay": "mean slope of log |T(z) - x| near the origin; the slowest of random systems",

@@ -3,8 +3,15 @@
 Section 6 compares the Lie transform with `brute force`, comparing coefficients. Neither program is
 printed. Coefficients of T can be compared degree by degree, or all at once. In the Lie transform
 the coefficients of the gain can be eliminated at each degree, or left open to the end (Remark
-4.22). Sums, products and quotients of fractions that are not zero are counted. Linear equations
-count as dense elimination of all their unknowns.
+4.22). Sums, products and quotients of fractions that are not zero are counted.
+
+Linear equations are counted in one of three ways:
+
+    elimination    dense elimination of all their unknowns
+    division       in eigenvectors of F and A (Remark 4.18), an equation is a division for each
+                   unknown; there and back, dense matrices change monomials and components
+    real_division  the same, where each operation counts as four, since eigenvectors are complex:
+                   a product takes six real operations, a sum two
 
 What is left open or solved for all at once is found by Newton's method with the Jacobian at the
 start. As each step makes one more degree exact, it takes degree - 1 steps:
@@ -35,33 +42,55 @@ from reobserve_papers.papers.lie.lie_transform import lie_transform
 
 @dataclass(frozen=True)
 class Operations:
-    """Operations by method, up to a degree."""
+    """Operations of both methods, without those of linear equations, and the sizes of these."""
 
-    by_degree: int
-    all_at_once: int
-    eliminated: int
-    open: int
+    of_t: int  # one evaluation of the equations for T
+    recursion: int
+    states: int
+    sizes: tuple[int, ...]  # by degree
+    gains: int  # unknown coefficients of L
+
+    def brute_force(self, way: str, equations: str) -> int:
+        """The operations of comparing coefficients, ``by_degree`` or ``all_at_once``."""
+        if way == "by_degree":
+            return self.of_t + self._solved(equations)
+        steps = len(self.sizes)
+        if equations == "elimination":
+            return steps * self.of_t + _elimination(sum(self.sizes), steps)
+        return steps * (self.of_t + self._solved(equations))
+
+    def lie(self, gain: str, equations: str) -> int:
+        """The operations of the Lie transform, with the gain ``eliminated`` or ``open``."""
+        each, steps = self.recursion + self._solved(equations), len(self.sizes)
+        if gain == "eliminated":
+            return each
+        return (self.gains + steps) * each + _elimination(self.gains, steps)
+
+    def _solved(self, equations: str) -> int:
+        """The operations of the equations of all degrees."""
+        if equations == "elimination":
+            return sum(_elimination(size, 1) for size in self.sizes)
+        each = 4 if equations == "real_division" else 1
+        return each * sum(_division(self.states, size // self.states) for size in self.sizes)
 
 
 def operations(problem: NormalFormProblem) -> Operations:
-    """Count the operations of all methods on an exact problem."""
+    """Count the operations of both methods on an exact problem."""
     basis, n, steps = problem.basis, problem.system.states, problem.degree - 1
-    sizes = [n * (part.stop - part.start) for part in map(basis.part, range(2, steps + 2))]
-    gains = n * n * (int(basis.first[steps + 1]) - 1)  # unknown coefficients of L
-    linear = sum(_solution(size, 1) for size in sizes)
-    of_t = _counted(problem, solve_t)
-    lie = _counted(problem, lie_transform) + linear
-    return Operations(
-        by_degree=of_t + linear,
-        all_at_once=steps * of_t + _solution(sum(sizes), steps),
-        eliminated=lie,
-        open=(gains + steps) * lie + _solution(gains, steps),
-    )
+    sizes = tuple(n * (part.stop - part.start) for part in map(basis.part, range(2, steps + 2)))
+    gains = n * n * (int(basis.first[steps + 1]) - 1)
+    return Operations(_counted(problem, solve_t), _counted(problem, lie_transform), n, sizes, gains)
 
 
-def _solution(size: int, times: int) -> int:
+def _elimination(size: int, times: int) -> int:
     """Operations of a dense LU factorisation, used for so many right-hand sides."""
     return (4 * size**3 - 3 * size**2 - size) // 6 + times * (2 * size**2 - size)
+
+
+def _division(states: int, width: int) -> int:
+    """Operations with ``states`` series of ``width`` monomials: there, the divisions, and back."""
+    change = width * (2 * states**2 - states) + states * (2 * width**2 - width)
+    return 2 * change + states * width
 
 
 class _Counted(Fraction):

@@ -257,9 +257,15 @@ def _operations(job: keys.Job) -> Iterator[Metric]:
     for degree in _COUNTED:
         problem = build_problem(job.plant, job.designs["linear"], degree=degree, exact=True)
         counts = operations(problem)
-        for name, method in (("lie", theory.lie_gain), ("brute_force", theory.brute_force)):
-            score = ("operations", float(getattr(counts, method)), "1")
-            yield Metric.at(name, score, degree=degree)
+        lie = counts.lie(theory.lie_gain, theory.lie_equations)
+        plain = counts.brute_force(theory.brute_force, "elimination")
+        alike = counts.brute_force(theory.brute_force, theory.lie_equations)
+        for name, count, words in (
+            ("lie", lie, {}),
+            ("brute_force", plain, {}),
+            ("brute_force", alike, {"equations": "alike"}),
+        ):
+            yield Metric.at(name, ("operations", float(count), "1"), degree=degree, **words)
 
 
 @part

@@ -19,6 +19,7 @@ from reobserve.core.errors import InputError
 from reobserve.polynomials.arithmetic import add_derivatives_along
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_t import solve_t
+from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.resonance import in_poincare_domain, resonance
 from reobserve.synthesis.normal_form.solver import solver_for
 from reobserve_papers.metrics.metrics import lookup, read_metrics
@@ -221,11 +222,81 @@ def test_operations_agree_with_another_count(monkeypatch: pytest.MonkeyPatch, de
     sizes = [2 * (d + 1) for d in range(2, degree + 1)]
     gains, steps = 4 * sum(range(2, degree + 1)), degree - 1
     linear = sum(solution(size, 1) for size in sizes)
-    assert found.by_degree == pytest.approx(of_t + linear, abs=2)
-    assert found.eliminated == pytest.approx(lie + linear, rel=0.02)
-    assert found.all_at_once == pytest.approx(steps * of_t + solution(sum(sizes), steps), abs=10)
-    assert found.open == (gains + steps) * found.eliminated + solution(gains, steps)
-    assert found.by_degree < found.eliminated < found.all_at_once < found.open
+    assert found.brute_force("by_degree", "elimination") == pytest.approx(of_t + linear, abs=2)
+    at_once = steps * of_t + solution(sum(sizes), steps)
+    assert found.brute_force("all_at_once", "elimination") == pytest.approx(at_once, abs=10)
+    dividing = sum(_in_eigenvectors(problem, d)[1] for d in range(2, degree + 1))
+    assert found.brute_force("by_degree", "division") == pytest.approx(of_t + dividing, abs=2)
+    at_once = steps * (of_t + dividing)
+    assert found.brute_force("all_at_once", "division") == pytest.approx(at_once, abs=10)
+    for equations, each in (
+        ("elimination", linear),
+        ("division", dividing),
+        ("real_division", 4 * dividing),
+    ):
+        eliminated = found.lie("eliminated", equations)
+        assert eliminated == pytest.approx(lie + each, rel=0.02)
+        wanted = (gains + steps) * eliminated + solution(gains, steps)
+        assert found.lie("open", equations) == wanted
+
+
+class _Counting(complex):
+    """A complex number that counts the operations done with it."""
+
+    done = 0
+
+
+def _counted(name: str) -> Any:
+    def operation(self: complex, other: complex) -> complex:
+        _Counting.done += 1
+        return _Counting(getattr(complex, name)(self, other))
+
+    return operation
+
+
+for _name in ("add", "sub", "mul", "truediv"):
+    setattr(_Counting, f"__{_name}__", _counted(f"__{_name}__"))
+
+
+def _in_eigenvectors(problem: NormalFormProblem, degree: int) -> tuple[Array, int]:
+    """A solution by divisions for a full right-hand side, and how many operations it took.
+
+    Monomials change by values at points instead of by a formula: m(Q w) = M m(w).
+    """
+    basis = problem.basis
+    (alpha, Q), (poles, W) = (np.linalg.eig(each.astype(float)) for each in (problem.F, problem.A))
+    powers = basis.exponents[basis.part(degree)]
+    points = np.random.default_rng(1).standard_normal((2, len(powers)))
+
+    def monomials_at(x: Any) -> Any:
+        return np.prod(x[:, None, :] ** powers.T[:, :, None], axis=0)
+
+    M = np.linalg.solve(monomials_at(points).T, monomials_at(Q @ points).T).T
+
+    def counting(values: Any) -> Any:
+        return np.vectorize(_Counting, otypes=[object])(values)
+
+    _Counting.done = 0
+    right = counting(_right(len(powers)))
+    turned = counting(np.linalg.inv(W)) @ right @ counting(M)
+    divisors = (powers @ alpha)[None, :] - poles[:, None]
+    solution = counting(W) @ (turned / counting(divisors)) @ counting(np.linalg.inv(M))
+    return solution.astype(complex), _Counting.done
+
+
+def _right(width: int) -> Array:
+    return np.arange(1.0, 2 * width + 1).reshape(2, width)
+
+
+@pytest.mark.parametrize("degree", [2, 3, 5])
+def test_equations_in_eigenvectors_are_divisions(degree: int) -> None:
+    """What `operations` counts as division solves the equation (Remark 4.18, with F as well)."""
+    problem = van_der_pol().problem(degree)
+    found, _ = _in_eigenvectors(problem, degree)
+    exact = solver_for(problem)
+    right = np.vectorize(lambda v: Fraction(int(v)), otypes=[object])(_right(degree + 1))
+    wanted = exact(problem.basis, right, degree).astype(float)
+    np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
 
 
 def test_newton_steps_make_one_more_degree_exact() -> None:
