@@ -116,12 +116,11 @@ def of_ilo() -> Iterator[str]:
     for variant in ("sampled", "continuous", "forgetting"):
         cells = [_held("ilo", claim, variant) for claim in (*accurate, rival)]
         yield f"| `{variant}` | {' | '.join(cells)} |"
-    outcomes = [one for _, one in _outcomes("ilo", "stability_proved")]
-    holds, opposed, refused = map(outcomes.count, ("holds", "opposed", "refused"))
-    yield (
-        f"Of {len(outcomes)} samples {holds} have a factor below one, {opposed} one exactly, "
-        f"and {refused} were refused"
+    forgetting, sampled, continuous = (
+        _held("ilo", "stability_proved", name) for name in ("forgetting", "sampled", "continuous")
     )
+    yield f"in {forgetting} samples of `forgetting` and in {sampled} of `sampled`"
+    yield f"In {continuous} samples of `continuous`"
 
 
 def of_lie() -> Iterator[str]:

@@ -6,6 +6,7 @@ import math
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -257,8 +258,11 @@ class Inquiry:
             drawn = with_values(self.parameters, choices, chosen(self.parameters, choices, number))
             try:
                 there = here.at(drawn, members)
-            except InputError:
+            except InputError:  # what refuses one of them need not refuse the others
                 there = {}
+                for claim in members:
+                    with suppress(InputError):
+                        there |= here.at(drawn, [claim])
             for claim in members:
                 self.known[claim.name].take(number, _rounded(claim, there.get(claim.name)))
                 self.spent[claim.name] += (time.process_time() - began) / len(members)

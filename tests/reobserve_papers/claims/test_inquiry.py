@@ -135,6 +135,10 @@ def test_samples_depend_on_the_seed_but_not_on_other_claims() -> None:
     alone = assess(Evaluator(ILO), [one], lambda _: 50, 0.9)["it"]
     both = assess(Evaluator(ILO), [other, one], lambda _: 50, 0.9)["it"]
     assert alone == both
+    refused = claim("fig3 a gain", GAIN, above=1000, name="refused")  # what it needs, half the time
+    with_it = assess(Evaluator(ILO), [refused, one], lambda _: 50, 0.9)
+    assert with_it["it"] == alone
+    assert "refused" in with_it["refused"].outcomes(refused)
     seeded = replace(ILO, seed=2)
     assert assess(Evaluator(seeded), [one], lambda _: 50, 0.9)["it"].trials != alone.trials
 

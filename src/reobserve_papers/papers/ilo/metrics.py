@@ -79,7 +79,6 @@ MEANINGS = {
         "learning (none), an integrator K2 / tau with the damping ratio of `theory.damping_ratio` "
         "(integrator), or with a proportional part K2 / 2 (proportional_integral)"
     ),
-    "decay_at_rest": "rate at which the slowest error decays at rest, without excitation",
     "worst_round_gain": "largest factor of an error from one interval to the next",
     "sine_error interval=<interval>": "amplitude of e over that of sin 10 t, linear theory",
     "largest_interval frequency=<frequency>": (

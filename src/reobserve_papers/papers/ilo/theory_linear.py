@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from reobserve.core.matrices import as_matrix
 from reobserve.synthesis.ilo_accuracy import (
     error_transfer,
     matched_integrator,
@@ -44,7 +43,6 @@ def measure(job: keys.Job) -> Iterator[Metric]:
     variant = laws[job.metrics.variant], job.metrics.variant == "sampled", job
     yield from _learning(*variant)
     yield from _over_rivals(*variant)
-    yield from _at_rest(job)
     for name in ("continuous", "forgetting"):
         yield from _accuracy(name, laws[name], job.theory, axis)
 
@@ -99,23 +97,6 @@ def _over_rivals(law: LearningLaw, held: bool, job: keys.Job) -> Iterator[Metric
         for rival, error in rivals.items():
             score = ("sine_error_over", float(size / abs(error)), "1")
             yield Metric.at(whose, score, rival=rival)
-
-
-@part
-def _at_rest(job: keys.Job) -> Iterator[Metric]:
-    """Decay of the adaptive observer's errors at rest, where nothing excites it.
-
-    w~' = J^-1 (B_f e - Lambda w~) and e' = -(Gamma + Kp d/dt) w~ without a change of the fault.
-    """
-    adaptive, body = named(job.observers, "adaptive", keys.Adaptive), known_body(job.plant)
-    observer_gain, integral_gain, proportional_gain = (
-        as_matrix(name, getattr(adaptive, name), 3)
-        for name in ("observer_gain", "integral_gain", "proportional_gain")
-    )
-    rate = -np.linalg.solve(body.inertia, np.hstack([observer_gain, -body.fault_matrix]))
-    fault = np.hstack([-integral_gain, np.zeros((3, 3))]) - proportional_gain @ rate
-    slowest = float(np.max(np.linalg.eigvals(np.vstack([rate, fault])).real))
-    yield Metric("adaptive", "decay_at_rest", -slowest, "1/s")
 
 
 @part

@@ -322,16 +322,6 @@ def test_unstable_gains_estimate_no_sine(settings: dict[str, Any]) -> None:
         assert np.isfinite(ratio) == stable
 
 
-def test_decay_at_rest_is_that_of_the_slowest_pole(settings: dict[str, Any]) -> None:
-    # J s^2 + Lambda s + Gamma on the principal axes
-    mine = settings["observers"]["adaptive"]
-    poles = [
-        np.roots([moment, mine["observer_gain"], mine["integral_gain"]]).real.max()
-        for moment in (*MOMENTS, 26.0)
-    ]
-    assert limits(settings)["adaptive", "decay_at_rest"] == pytest.approx(-max(poles))
-
-
 def test_theorem_1_certifies_no_gains_of_the_figures(settings: dict[str, Any]) -> None:
     for name in keys.VARIANTS:
         assert limits(settings, name)[LEARNING, "certified"] == 0
