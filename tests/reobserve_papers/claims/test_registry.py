@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -281,3 +282,29 @@ def test_history_is_read_and_needs_all_of_its_keys(tmp_path: Path) -> None:
     path.write_text(yaml.safe_dump({**tree, "history": [entry]}))
     with pytest.raises(InputError, match=r"^claims\.ilo\.history\.0\.why: is missing"):
         read_registry(tmp_path, ILO)
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_samples_of_numbers_do_not_have_to_meet_one_value(paper: str) -> None:
+    """A check with one allowed value fails in all samples of a range, whatever the paper claims."""
+    for claim in read_registry(ROOT, Parameters.load(ROOT, paper)).claims:
+        knobs = [knob for choice in claim.choices for knob in choice.knobs]
+        spans = [one for one in knobs if not one.levels and not one.name.endswith("seed")]
+        exact = [one for one in claim.checks if one.relation == "within" and len({*one.bound}) == 1]
+        assert not (spans and exact), claim.name
+
+
+# Methods that are only cited: observers, and metrics that compare with one.
+CITED = {
+    "delay": r"\b(least_squares|adaptive|relay)\b",
+    "ilo": r"\b(adaptive|matched|integral)\b|rival=|integrator",
+}
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_claims_about_methods_that_are_only_cited_name_the_reconstruction(paper: str) -> None:
+    for claim in read_registry(ROOT, Parameters.load(ROOT, paper)).claims:
+        asked = " ".join(map(str, claim.wanted))
+        concerned = paper in CITED and re.search(CITED[paper], asked)
+        named = re.search("reconstructed (as|here)", claim.statement)
+        assert bool(concerned) == bool(named), claim.name
