@@ -121,8 +121,9 @@ def _digits(number: float, count: int = 2) -> str:
 
 
 def _percent(number: float, count: int = 2) -> str:
-    # No share needs more than six places: 1e-54 % is nothing.
-    return f"{round(float(f'{100 * number:.{count}g}'), 6):g} %"
+    # No share needs more than six places.
+    shown = round(float(f"{100 * number:.{count}g}"), 6)
+    return "< 0.000001 %" if number and not shown else f"{shown:g} %"
 
 
 def _milli(number: float, count: int = 2) -> str:

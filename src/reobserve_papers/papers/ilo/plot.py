@@ -41,27 +41,32 @@ def _styles(names: Iterable[str]) -> dict[str, Style]:
 
 
 def estimation(data: FigureData[keys.Job]) -> Figure:
-    """Plot fault and estimate of the first observer, its error, and the size of all errors."""
+    """Plot fault, estimates, errors and the size of all errors.
+
+    Estimates and errors are those of two learning observers, or of the adaptive one that is first.
+    """
     job, plant, estimates = data.job, data.plant, data.estimates
     axis = job.metrics.axis
     labels = {name: job.observers[name].label for name in estimates}
-    styles, main = _styles(estimates), next(iter(estimates))
+    styles, first = _styles(estimates), next(iter(estimates))
+    adaptive = isinstance(job.observers[first], keys.Adaptive)
+    shown = list(estimates)[: 1 if adaptive else 2]
     figure, (above, middle, below) = new_figure((1.9, 1.35, 1.75))
 
-    fault, estimated = (
-        thin(series.time, series["fault"][:, axis - 1]) for series in (plant, estimates[main])
-    )
-    above.plot(*fault, **TRUTH.line(), label=f"fault of thruster {axis}")
-    above.plot(*estimated, **styles[main].line(), label=f"estimate: {labels[main]}")
+    lines = [(f"fault of thruster {axis}", plant, TRUTH)]
+    lines += [(f"estimate: {labels[name]}", estimates[name], styles[name]) for name in shown]
+    for label, series, style in lines:
+        points = thin(series.time, series["fault"][:, axis - 1])
+        above.plot(*points, **style.line(), label=label)
     above.set_ylabel("torque [N m]")
-    above.set_title("(a) fault and its estimate")
-    above.legend(loc="upper left", ncols=2)
+    above.set_title("(a) fault and its estimate" + "s" * (len(shown) > 1))
+    above.legend(loc="upper left", ncols=3)
     headroom(above, 0.28)
 
     sizes = []
     for name, estimate in estimates.items():
         errors = Errors.of(plant, estimate, axis - 1)
-        if name == main:
+        if name in shown:
             middle.plot(*thin(errors.time, errors.start), **styles[name].line())
         with np.errstate(divide="ignore"):
             size = np.where(errors.start == 0, np.nan, np.abs(errors.start))
@@ -69,12 +74,13 @@ def estimation(data: FigureData[keys.Job]) -> Figure:
         below.semilogy(time, largest, **styles[name].line(), label=labels[name])
         sizes.append(largest[time > min(plant.events["onsets"], default=0.0) - 1e-9])
     middle.set_ylabel("error e [N m]")
-    middle.set_title(f"(b) estimation error e = fault − estimate: {labels[main]}")
+    whose = f": {labels[first]}" if adaptive else ""
+    middle.set_title(f"(b) estimation error e = fault − estimate{whose}")
     below.set_ylabel("|e| [N m]")
     below.set_title("(c) size of the error (largest in each hundredth of a second)")
     # Whole decades of nearly all values after the onset, and one more for the legend.
-    shown = np.concatenate(sizes)
-    least, most = np.nanquantile(shown[shown > _LEAST], 0.02), np.nanmax(shown)
+    seen = np.concatenate(sizes)
+    least, most = np.nanquantile(seen[seen > _LEAST], 0.02), np.nanmax(seen)
     below.set_ylim(10.0 ** np.floor(np.log10(least)), 10.0 ** np.ceil(np.log10(most)))
     headroom(below, factor=10)
     decades(below.yaxis)

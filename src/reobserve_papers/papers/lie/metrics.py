@@ -139,6 +139,8 @@ def _orders(data: FigureData[keys.Job]) -> Iterator[Metric]:
         return
     for name, observer in job.observers.items():
         own = name in study["form"]
+        if not own and observer.design != job.study.design:
+            continue
         form = name if own else getattr(observer, "gain", "")
         matching = study.where(form=form, quantity="floquet_exponent", order=observer.order)
         for value in matching["value"]:

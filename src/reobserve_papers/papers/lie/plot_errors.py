@@ -31,7 +31,7 @@ def responses(data: FigureData[keys.Job]) -> Figure:
     draw_sizes(size, data, _shown(data))
     first.set_ylabel("error of x₁")
     first.set_title("(a) error of x₁, x̂₁ − x₁")
-    first.legend(loc="lower right")
+    first.legend(loc="lower right", handlelength=5)  # two periods of the longest dashes
     second.set_ylabel("error of x₂")
     second.set_title("(b) error of x₂, x̂₂ − x₂")
     size.set_title("(c) size of the error")
@@ -91,7 +91,7 @@ def _note(data: FigureData[keys.Job]) -> str:
     for observer in job.observers.values():
         if observer.design != first.design:
             other = vector(job.designs[observer.design].injection)
-            injections += f"; {observer.label}: ℓ(y) = {other}"
+            injections += f";\n{observer.label}: ℓ(y) = {other}"
     return (
         f"{starts(job)}, {injections}.\n"
         f"Simulated for {job.plant.horizon:g} s, identity observers in Runge-Kutta steps of "
