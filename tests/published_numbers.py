@@ -11,9 +11,11 @@ from docs.generate.evidence import Paper, papers
 from reobserve_papers.claims.checks import Reference
 from reobserve_papers.golden.number_files import golden_file, read_metrics, read_numbers
 from reobserve_papers.metrics.metrics import Numbers, lookup
+from reobserve_papers.papers.lie.operations import operations
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator, evaluate
 from tests import ROOT
+from tests.reobserve.synthesis.normal_form.systems import van_der_pol
 from tests.reobserve_papers.papers.lie.test_convergence_of_the_example import measures
 
 
@@ -130,6 +132,8 @@ def of_lie() -> Iterator[str]:
         numbers = [f"{fig1[observer, name]:.3g}" for name in names]
         yield f"| `{observer}` | {' | '.join(numbers)} |"
     ensemble = golden_metrics("lie", "fig1_ensemble")
+    cubic = [ensemble["cubic4", name] for name in ("ise", "settling_time")]
+    yield f"| `cubic4` | {cubic[0]:.3g} | {cubic[1]:.3g} | – |"
     share = percent(ensemble["series", "share_better order=4"])
     best = percent(1 - ensemble["series", "minimum_ise_ratio order=4"])
     yield f"error from {share} of the initial states, at best by {best}"
@@ -159,6 +163,18 @@ def of_lie() -> Iterator[str]:
     order = Reference("theory", "nonlinear", "share_better_at_order_0 measure=square")
     better = sum(bool(trial.numbers) and trial.numbers[order] > 0.5 for trial in drawn)
     yield f"{better} of {len(drawn)} random injections are better"
+    name = "injection_improves_the_error"
+    yield f"in {held('lie', name, 'lie_injections_at_random')} random"
+    counts = operations(van_der_pol().problem(5))
+    plain, divided, four = (
+        counts.lie("eliminated", how) for how in ("elimination", "division", "real_division")
+    )
+    yield f"{plain} operations with elimination and {divided} in eigenvectors"
+    yield f"or {four} if each"
+    by_degree = [counts.brute_force("by_degree", how) for how in ("elimination", "division")]
+    yield f"Brute force takes {by_degree[0]} degree by degree, {by_degree[1]} in eigenvectors"
+    yield f"and {counts.brute_force('all_at_once', 'elimination')} all at once"
+    yield f"takes {counts.lie('open', 'division')} or more"
 
 
 def of_delay() -> Iterator[str]:

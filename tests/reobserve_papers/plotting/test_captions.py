@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError
 from reobserve_papers.metrics.metrics import Metric
-from reobserve_papers.plotting.captions import render
+from reobserve_papers.plotting.captions import _percent, render
 
 METRICS = [
     Metric("sampled", "rms_error", 0.0123456, "N m"),
@@ -28,6 +30,13 @@ def test_numbers_are_rounded_as_requested(tmp_path: Path) -> None:
         ", {{ rms | milli(3) }}, {{ 200000.0 | digits(4) }}, {{ k.K1 }}"
     )
     assert rendered(tmp_path, text, k={"K1": 0.9}) == "0.012, 1.2 %, 12.3, 200000, 0.9\n"
+
+
+@given(st.floats(0, 1e-6))
+@example(1.15e-9)
+@example(0.0)
+def test_small_share_is_not_zero(share: float) -> None:
+    assert (_percent(share) == "0 %") == (share == 0)
 
 
 def test_study_number_is_selected_by_its_coordinates(tmp_path: Path) -> None:

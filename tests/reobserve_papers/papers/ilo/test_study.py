@@ -114,6 +114,16 @@ def test_gain_of_each_axis_is_drawn_where_that_of_the_faulty_axis_is() -> None:
     assert 150.0 in lines
 
 
+def test_figure_shows_the_printed_update_beside_the_sampled_one() -> None:
+    figure = evaluate(fixed_parameters("ilo"), "fig1")
+    above, middle, _ = figure.plot(notes=False).axes
+    for axes, lines in ((above, above.lines[1:]), (middle, middle.lines)):
+        assert len(lines) == 2, axes.get_title()
+        # Both start from zero; (3) as printed overshoots, v held does not.
+        largest = [float(np.max(line.get_ydata()[line.get_xdata() > 5.02])) for line in lines]
+        assert largest[1] > 0.1 + largest[0]
+
+
 def test_constant_guesses_do_not_pass_for_the_observer() -> None:
     """Errors of the variant that is named in all norms and windows, beside those of guesses."""
     found = lookup(evaluate(fixed_parameters("ilo"), "fig2").numbers)

@@ -17,7 +17,7 @@ from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.solver import solver_for
 from reobserve_papers.metrics.metrics import Numbers, lookup
 from reobserve_papers.papers.lie import design as design_stage
-from reobserve_papers.papers.lie import keys
+from reobserve_papers.papers.lie import keys, styles
 from reobserve_papers.papers.lie import study as study_stage
 from reobserve_papers.papers.lie import table as table_stage
 from reobserve_papers.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
@@ -132,8 +132,21 @@ def test_errors_of_the_figure_agree_with_an_integration(observer: str) -> None:
     assert found[observer, "decay_rate"] == pytest.approx(slope, rel=1e-5, abs=1e-8)
 
 
+def test_keys_of_the_legend_show_two_periods_of_each_dash() -> None:
+    figure = evaluator().figure("fig1").plot(notes=False)
+    legend = figure.axes[0].get_legend()
+    length = legend.handlelength * legend.get_texts()[0].get_fontsize()
+    assert len(legend.get_lines()) == len(figure.axes[1].lines) == 4
+    for observer in ("order4", "injection", "cubic4"):
+        style = styles.OBSERVERS[observer]
+        assert length >= 2 * sum(style.linestyle[1]) * style.linewidth
+
+
 def test_conclusions_of_the_figure_hold() -> None:
     value = {**measured("fig1_forms"), **measured("fig1")}
+    # The exponent of another design is not that of the study's design with the same gain and order.
+    assert ("cubic4", "floquet_exponent") not in value
+    assert value["cubic4", "ise"] < 0.2 * value["constant", "ise"]
     # Order 4 improves the total, but is worse for the measured state, at the end and in the long
     # run.
     assert 0.89 < value["order4", "ise"] / value["constant", "ise"] < 0.9
