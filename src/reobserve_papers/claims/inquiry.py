@@ -260,7 +260,7 @@ class Inquiry:
                 there = here.at(drawn, members)
             except InputError:  # what refuses one of them need not refuse the others
                 there = {}
-                for claim in members:
+                for claim in members if len(members) > 1 else ():
                     with suppress(InputError):
                         there |= here.at(drawn, [claim])
             for claim in members:

@@ -41,10 +41,7 @@ def _styles(names: Iterable[str]) -> dict[str, Style]:
 
 
 def estimation(data: FigureData[keys.Job]) -> Figure:
-    """Plot fault, estimates, errors and the size of all errors.
-
-    Estimates and errors are those of two learning observers, or of the adaptive one that is first.
-    """
+    """Plot the fault, what the first two observers (one if adaptive) estimate, and all errors."""
     job, plant, estimates = data.job, data.plant, data.estimates
     axis = job.metrics.axis
     labels = {name: job.observers[name].label for name in estimates}

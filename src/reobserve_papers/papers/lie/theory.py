@@ -63,6 +63,7 @@ Array = NDArray[np.float64]
 
 _MORE_STATES = (4, 6)  # than the example has
 _COUNTED = (3, 5, 7)  # degrees of T at which operations are counted
+_ALIKE = {"equations": "alike"}  # solved in both methods
 
 
 def measure(job: keys.Job, designs: Mapping[str, Any]) -> list[Metric]:
@@ -256,14 +257,11 @@ def _operations(job: keys.Job) -> Iterator[Metric]:
     theory = job.theory
     for degree in _COUNTED:
         problem = build_problem(job.plant, job.designs["linear"], degree=degree, exact=True)
-        counts = operations(problem)
-        lie = counts.lie(theory.lie_gain, theory.lie_equations)
-        plain = counts.brute_force(theory.brute_force, "elimination")
-        alike = counts.brute_force(theory.brute_force, theory.lie_equations)
+        counts, equations = operations(problem), theory.lie_equations
         for name, count, words in (
-            ("lie", lie, {}),
-            ("brute_force", plain, {}),
-            ("brute_force", alike, {"equations": "alike"}),
+            ("lie", counts.lie(theory.lie_gain, equations), {}),
+            ("brute_force", counts.brute_force(theory.brute_force, "elimination"), {}),
+            ("brute_force", counts.brute_force(theory.brute_force, equations), _ALIKE),
         ):
             yield Metric.at(name, ("operations", float(count), "1"), degree=degree, **words)
 
