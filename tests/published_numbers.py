@@ -400,6 +400,10 @@ def of_eso() -> Iterator[str]:
         "The norms are {:.3g} for `pd_pi`, {:.3g} for `minimum_gamma`, "
         "and {:.3g} for the PI observer"
     ).format(*norms)
+    yield f"at least {theory['pd_pi', 'gamma'] / designs['pd_pi']['factor']:.6g}, the gain"
+    channel = "norm from=disturbances to=errors"
+    yield f"is {theory['pd_pi', channel]:.8g} for `pd_pi`"
+    yield f"and {theory['pi', channel]:.2g} for `pi`"
     passes = [
         theory[name, "noise_in_sensor_fault at=ends"] / theory["noise", "deviation"]
         for name in ("pd_pi", "minimum_gamma")
@@ -414,8 +418,18 @@ def _of_eso_shares() -> Iterator[str]:
     yield f"it does in {held('eso', 'faster')} samples"
     yield f"it does in {held('eso', 'derivative_is_fast')} samples"
     yield f"It holds in {held('eso', 'pi_cannot_follow')} samples"
-    alone = held("eso", "pi_cannot_follow", "eso_actuator_fault_only")
-    yield f"For the actuator fault alone it holds in {alone}, too few"
+    one = held("eso", "pi_cannot_follow", "eso_one_missed_fault_is_enough")
+    yield f"in {one} at least one of the two faults"
+    changed = {"designs": {"pi_feasible": {"current_unit": "mA"}}}
+    theory = lookup(Evaluator(Parameters.load(ROOT, "eso", changed)).theory())
+    missed = [theory["pi", f"missed_fast_{one}_fault lag=counted"] for one in _ESO_FAULTS]
+    assert missed[1] > 1.0, "all of the sensor fault"
+    yield f"the gains of minimum norm miss {percent(missed[0])}"
+    claim = "disturbances_attenuated"
+    yield f"it is in {held('eso', claim)} samples"
+    yield f"it is less in {held('eso', claim, 'eso_disturbances_to_the_faults')}."
+    whole = held("eso", claim, "eso_disturbances_with_noise_and_fault_rates")
+    yield f"it is less in {whole}, but"
 
 
 _ESO_FAULTS = ("actuator", "sensor")

@@ -85,8 +85,8 @@ def design_feasible(
     solver
         CLARABEL or SCS.
     solution
-        One of `SOLUTIONS`, each of which is unique. That of minimum norm is within 1e-5 of its
-        optimum, and none is below the design's ``lower``.
+        One of `SOLUTIONS`, each of which is unique in the units of the system. That of minimum norm
+        is within 1e-5 of its optimum, and none is below the design's ``lower``.
     """
     decay = as_scalar("decay", decay)
     if decay < 0:

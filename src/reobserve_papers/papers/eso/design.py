@@ -13,15 +13,18 @@ minimum_gamma    minimum gamma with no pole faster than a bound and matrices wit
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import lru_cache
 from typing import Any
+
+import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_positive
 from reobserve.synthesis.extended_state import pd_pi, pi
+from reobserve.synthesis.extended_state.certificate import certify
 from reobserve.synthesis.extended_state.design import CertifiedGains
-from reobserve.synthesis.extended_state.system import AugmentedSystem
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve_papers.papers.eso import keys
 from reobserve_papers.papers.eso.setup import augmented
 
@@ -46,13 +49,31 @@ def design(plant: keys.Plant, body: keys.Design) -> CertifiedGains:
 def _designed(matrices: Any, body: keys.Design) -> CertifiedGains:
     system, solver = AugmentedSystem(*matrices), body.solver
     if isinstance(body, keys.Feasible):
-        return pi.design_feasible(system, body.decay, solver, body.solution)
+        return _feasible(system, body)
     derivative = body.kind == "pd_pi_optimised"
     if body.criterion == "minimum_norm":
         return pd_pi.design(system, body.factor, solver=solver, derivative=derivative)
     return pd_pi.design_minimum_gamma(
         system, 0.0, body.pole_bound, body.radius, solver, derivative=derivative
     )
+
+
+def _feasible(system: AugmentedSystem, body: keys.Feasible) -> CertifiedGains:
+    """The design from a solution in which currents are in `current_unit`, in SI units.
+
+    The states and outputs are T x and T y there. All units have the same solutions, but not the
+    same one of minimum norm.
+    """
+    T = np.array([1.0, 1e3 if body.current_unit == "mA" else 1.0])
+    sizes = np.array([*T, *T, 1.0, 1.0])[:, None]  # of x, xz, fa, fs
+    entering = {key: T[:, None] * getattr(system, key) for key in ("B", "Dd", "Dw", "Fa", "Fs")}
+    there = replace(system, A=T[:, None] * system.A / T, **entering)
+    found = pi.design_feasible(there, body.decay, body.solver, body.solution)
+    gains = Gains(found.gains.L * T / sizes, found.gains.Ld)
+    certificate = certify(system, gains, decay=body.decay)
+    if not certificate.holds:
+        raise InputError("current_unit", f"mA: {certificate.reason}")
+    return replace(found, gains=gains, certificate=certificate)
 
 
 def stored_design(

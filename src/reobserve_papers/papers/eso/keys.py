@@ -32,6 +32,7 @@ Disturbance = Annotated[Square, Unit("rad/s^2, A/s")]  # minimum and maximum of 
 Solver = Literal["CLARABEL", "SCS"]
 Criterion = Literal["minimum_norm", "minimum_gamma"]
 Solution = Literal["minimum_norm", "positive", "largest_margin"]
+Current = Literal["A", "mA"]
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,7 @@ class Feasible:
     decay: Annotated[NotNegative, PER_SECOND]
     solution: Solution  # of the inequality, see `synthesis.extended_state.pi`
     solver: Solver
+    current_unit: Current = "A"  # in which the solution is sought
     title: str = ""
 
     @property

@@ -36,9 +36,7 @@ SUBJECTS = {
     "actuator": "plant random",
     "sensor": "plant random",
     "designs": "plant pi_<solution> pd_pi_<solution>",
-    "theory": (
-        "controller fault look_alike motor motor_as_printed noise one_output random two_outputs"
-    ),
+    "theory": "controller motor motor_as_printed noise one_output random two_outputs",
 }
 
 # The meaning of each number, including those of the theory; `<word>` is a placeholder.
@@ -62,9 +60,6 @@ MEANINGS = {
     "<source>_in_<fault>_fault <choice>=<level> rate=<rate>": (
         "standard deviation of the estimate due to disturbances or noise"
     ),
-    "energy_of_rate duration=<duration>": (
-        "squared 2-norm of the derivative of a fault that rises to one in a duration [s]"
-    ),
     "impulsive_modes": "modes of the error that have no finite pole",
     "slowest_pole": "distance of the slowest pole from the imaginary axis",
     "unobservable_states": "number of states minus the rank of the observability matrix of (A, C)",
@@ -75,6 +70,10 @@ MEANINGS = {
     "settling_time": "time from which the speed stays within two per cent",
     "deviation": "standard deviation of the noise",
     "norm": "proved upper bound of the H-infinity norm",
+    "norm from=<disturbances,noise_too,all> to=<errors,faults>": (
+        "the same from the disturbances alone, from these and the noise, or with the rates of the "
+        "faults, to the errors of states and faults or of the estimated faults alone"
+    ),
     "gamma": "specified bound; `nan` for designs without one",
     "missed_fast_<fault>_fault lag=<counted,removed>": (
         "share of a fast sinusoidal fault that its estimate misses, with the lag counted or removed"

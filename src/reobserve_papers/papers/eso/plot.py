@@ -75,6 +75,7 @@ def gains_of(design: keys.Design) -> str:
     """A description of how the gains of an observer are designed."""
     if isinstance(design, keys.Feasible):
         kind = f"PI by feasibility, {design.solution.replace('_', ' ')}"
+        kind += " with currents in mA" if design.current_unit == "mA" else ""
         return f"{kind}, with decay {design.decay:g}/s and A_z = {design.filter_rate:g}/s"
     name = "PI" if design.kind == "pi_optimised" else "PD/PI"
     if design.criterion == "minimum_gamma":

@@ -32,6 +32,7 @@ Observers = Mapping[str, tuple[AugmentedSystem, Design]]  # systems and designs 
 Certified = Mapping[str, tuple[AugmentedSystem, CertifiedGains]]
 
 _FAULTS = (("actuator", "V"), ("sensor", "rad/s"))
+_SOURCES = {"disturbances": 2, "noise_too": 3, "all": 5}  # the first columns of Bo
 _DURATION, _SAMPLE = 4.0, 0.01  # of the error after a jump [s]
 
 
@@ -122,9 +123,12 @@ def held(
 
 
 @part
-def norms_by_chance(observers: Observers) -> Iterator[Metric]:
-    """Norm of (10) for gains without a certificate."""
+def norms(observers: Observers) -> Iterator[Metric]:
+    """Norms of (10) from some of its inputs d, w and f' to all errors or those of the faults."""
     for name, (system, design) in observers.items():
         Ao, Eo = error_system(system, design.gains)
-        norm = h_infinity_norm(Ao, system.Bo, np.eye(system.size), E=Eo, tolerance=1e-9)
-        yield Metric(name, "norm", norm.upper, "1")
+        for source, columns in _SOURCES.items():
+            for to, errors in (("errors", system.size), ("faults", system.faults)):
+                rows = np.eye(system.size)[-errors:]
+                norm = h_infinity_norm(Ao, system.Bo[:, :columns], rows, E=Eo, tolerance=1e-9)
+                yield Metric.at(name, ("norm", norm.upper, "1"), **{"from": source, "to": to})
