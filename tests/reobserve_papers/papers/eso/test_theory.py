@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -219,6 +220,16 @@ def test_solutions_with_currents_in_milliamperes_solve_the_inequality_in_amperes
     for fault in UNITS:
         name = f"missed_fast_{fault}_fault lag=counted"
         assert errors["A", name] == pytest.approx(errors["mA", name], rel=1e-6)
+
+
+def test_solution_in_milliamperes_without_a_certificate_in_amperes_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    refuted = SimpleNamespace(holds=False, reason="the pole -0.9 is not left of -1")
+    monkeypatch.setattr("reobserve_papers.papers.eso.design.certify", lambda *_, **__: refuted)
+    body = keys.Feasible("pi_feasible", 1.5, 1.0, "minimum_norm", "CLARABEL", "mA")
+    with pytest.raises(InputError, match=r"^current_unit: mA: the pole -0.9 is not left of -1$"):
+        design(typed(settings()).plant, body)
 
 
 def test_observers_in_milliamperes_miss_what_the_parameter_file_says() -> None:
