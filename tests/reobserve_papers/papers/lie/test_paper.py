@@ -110,7 +110,7 @@ OBSERVERS = ["constant", "order4", "jacobian4", "composed4", "injection", "trans
 
 
 def figure_of(observer: str) -> dict[tuple[str, str], float]:
-    return measured({"injection": "fig1", "cubic4": "fig1_injections"}.get(observer, "fig1_forms"))
+    return measured("fig1" if observer in ("injection", "cubic4") else "fig1_forms")
 
 
 @pytest.mark.nightly_cases("cubic4", "composed4", "jacobian4")
