@@ -42,7 +42,7 @@ def _outcomes(paper: str, claim: str) -> list[tuple[tuple[object, ...], str]]:
 def _held(paper: str, claim: str, word: object = "") -> str:
     """In how many samples a claim holds, of all or of those with a ``word`` among their choices."""
     outcomes = [one for chosen, one in _outcomes(paper, claim) if not word or word in chosen]
-    return f"{outcomes.count('holds')} of {len(outcomes)}"
+    return f"{outcomes.count('holds')} of {len(outcomes) - outcomes.count('no case')}"
 
 
 def percent(number: float, digits: int = 2) -> str:

@@ -150,6 +150,10 @@ class Check:
             return [a - b for a, b in zip(values, others, strict=True)]
         return values
 
+    def is_case(self, numbers: Numbers) -> bool:
+        """False if it divides by what is not a number, such as a difference that is rounding."""
+        return self.how != "over" or not any(math.isnan(one.look_up(numbers)) for one in self.other)
+
     def holds(self, numbers: Numbers) -> bool:
         """True if the numbers satisfy it."""
         return self.satisfied_by(self.deciding(numbers))

@@ -66,12 +66,13 @@ def row(
     outcomes = decider.outcomes(claim)
     counted = decider.counted(claim, outcomes)
     sampled = [trial.numbers for trial in samples.trials] if samples else [decider.nominal(claim)]
+    cases = [one for one, word in zip(sampled, outcomes, strict=True) if word != "no case"]
     word = decider.judged[claim.name].verdict
     cells |= {
         "verdict": word,
         "holds": "yes" if decider.holds(claim) else "no",
         "measured": measured,
-        "margin": format_margins(margins(claim, sampled, counted.whole, share)),
+        "margin": format_margins(margins(claim, cases, counted.whole, share)),
     }
     if word in (CALIBRATED, CONTRADICTED) and (setting := decider.setting(claim)):
         cells["setting"] = setting
@@ -82,7 +83,7 @@ def row(
             "held": counted.held,
             "tied": outcomes.count("tie"),
             "opposed": outcomes.count("opposed"),
-            "share": f"{counted.held / counted.samples:.4g}",
+            "share": f"{counted.held / max(counted.samples, 1):.4g}",
             "low": f"{low:.4g}",
             "high": f"{high:.4g}",
         }
@@ -92,8 +93,8 @@ def row(
             if found.explained is not None:
                 cells["explained"] = f"{found.explained:.3f}"
     if claim.null:
-        nulls = decider.outcomes(claim.with_null)
-        cells["null"] = f"{nulls.count('holds') / len(nulls):.4g}"
+        nulls = decider.counted(claim.with_null, decider.outcomes(claim.with_null))
+        cells["null"] = f"{nulls.held / max(nulls.samples, 1):.4g}"
     return cells
 
 

@@ -228,7 +228,7 @@ class Decider:
             return (BROKEN,), ""
         try:
             stated = self._nominal_outcome(claim)
-            if claim.quantifier == "always" and stated != "holds":
+            if claim.quantifier == "always" and stated not in ("holds", "no case"):
                 return (CONTRADICTED,), self._measured(claim)
             outcomes = self.outcomes(claim)
         except InputError:
@@ -252,13 +252,13 @@ class Decider:
 
     def setting(self, claim: Claim) -> str:
         """A setting at which a claim is known to hold, or for what is `always` so, to fail."""
-        wanted = claim.quantifier != "always"
-        if (self._nominal_outcome(claim) == "holds") == wanted:
+        wanted, stated = claim.quantifier != "always", self._nominal_outcome(claim)
+        if (stated == "holds") == wanted and stated != "no case":
             return "the parameter file"
         samples = self.samples.get(claim.name, Robustness())
         outcomes = self.outcomes(claim) if samples.trials else []
         for trial, word in zip(samples.trials, outcomes, strict=True):
-            if (word == "holds") == wanted and word not in ("diverged", "refused"):
+            if (word == "holds") == wanted and word not in ("diverged", "refused", "no case"):
                 listed = zip(samples.names, trial.values, strict=True)
                 return ", ".join(f"{name} {spelt(value)}" for name, value in listed)
         return claim.setting

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections import defaultdict
@@ -126,8 +127,9 @@ def read_robustness(
 
 
 def counted(outcomes: Sequence[Outcome], whole: bool = False) -> Counted:
-    """Outcomes, counted."""
-    return Counted(outcomes.count("holds"), len(outcomes), whole, outcomes.count("refused"))
+    """Outcomes, counted, without those that are no case."""
+    cases = len(outcomes) - outcomes.count("no case")
+    return Counted(outcomes.count("holds"), cases, whole, outcomes.count("refused"))
 
 
 def _has_lost(sample: Sample, ref: Any) -> bool:
@@ -195,9 +197,14 @@ class Inquiry:
                 return
 
     def limit(self, claim: Claim, samples: Callable[[Claim], int]) -> int:
-        """The number of samples of a claim at which sampling ends, decided or not."""
-        whole = self.sampled[claim.name].whole
-        return whole if whole is not None else max(samples(claim), self.known[claim.name].length)
+        """The number of samples of a claim at which sampling ends, decided or not.
+
+        Samples that are no case are replaced by as many others at most.
+        """
+        if (whole := self.sampled[claim.name].whole) is not None:
+            return whole
+        most, void = samples(claim), self._held[claim.name].count("no case")
+        return max(most + min(most, void), self.known[claim.name].length)
 
     def possible(self, claim: Claim) -> tuple[str, ...]:
         """The verdicts on a claim that are possible by the samples so far."""
@@ -214,8 +221,8 @@ class Inquiry:
 
     def lacks(self, claim: Claim, enough: int) -> bool:
         """True if a main claim, or one that depends, has fewer than ``enough`` samples, not all."""
-        robustness = self.sampled[claim.name]
-        fewer = robustness.whole is None and robustness.samples < enough
+        cases = counted(self._held[claim.name]).samples
+        fewer = self.sampled[claim.name].whole is None and cases < enough
         return fewer and (claim.is_main or self.possible(claim) == (DEPENDS,))
 
     def fill(
@@ -226,8 +233,7 @@ class Inquiry:
         Where claims need ``enough`` samples (see `lacks`) they get these, too, up to their maximum.
         None are made of a claim after so many CPU ``seconds``.
         """
-        longest = max((self.limit(claim, samples) for claim in self.claims), default=0)
-        for number in range(longest):
+        for number in itertools.count():
             going = [
                 claim
                 for claim in self.claims

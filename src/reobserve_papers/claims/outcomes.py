@@ -17,8 +17,9 @@ from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.steps.evaluation import Evaluator
 
 # Whether a claim holds. Where it says which of two numbers is less, its opposite may hold, or
-# neither (a tie); else it is opposed where it does not hold.
-Outcome = Literal["holds", "tie", "opposed", "diverged", "refused"]
+# neither (a tie); else it is opposed where it does not hold. It is no case where it would divide by
+# what is not a number.
+Outcome = Literal["holds", "tie", "opposed", "diverged", "refused", "no case"]
 
 # Numbers of one sample by reference, without those of a figure that diverged.
 Sample = Mapping[Reference, float]
@@ -143,6 +144,8 @@ def outcome(claim: Claim, numbers: Numbers | None) -> Outcome:
         return "refused"
     if any(figure not in numbers for figure in claim.figures):
         return "diverged"
+    if not all(check.is_case(numbers) for check in claim.checks):
+        return "no case"
     if all(check.holds(numbers) for check in claim.checks):
         return "holds"
     mirrored = [check.mirrored for check in claim.checks]
@@ -153,7 +156,7 @@ def outcome(claim: Claim, numbers: Numbers | None) -> Outcome:
 
 
 def deciding(claim: Claim, numbers: Numbers | None) -> tuple[float, ...]:
-    """The number that decides each check, none where something diverged or was refused."""
-    if numbers is None or any(figure not in numbers for figure in claim.figures):
+    """The number that decides each check, none where it is no case, diverged or was refused."""
+    if numbers is None or outcome(claim, numbers) in ("no case", "diverged"):
         return ()
     return tuple(check.deciding(numbers) for check in claim.checks)

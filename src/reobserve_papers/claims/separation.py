@@ -62,15 +62,16 @@ def separation(claim: Claim, robustness: Robustness, outcomes: Sequence[Outcome]
 
     Of some random halves it is the one that most of them find, stated by the half in the middle.
     """
-    held = np.array([word == "holds" for word in outcomes])
-    whole = len(held) == robustness.whole
+    cases = [k for k, word in enumerate(outcomes) if word != "no case"]
+    held = np.array([outcomes[k] == "holds" for k in cases])
+    whole = len(outcomes) == robustness.whole
     kind = "settings" if whole else "samples"
     few = f"{len(held)} {kind} are too few to tell which choice decides"
     if len(held) < 4 * SIDE and not whole:
         return Separation("", few)
     if held.all() or not held.any():
         return Separation("", f"all {kind} have the same outcome")
-    rows = [trial.values for trial in robustness.trials]
+    rows = [robustness.trials[k].values for k in cases]
     columns = ([row[k] for row in rows] for k in range(len(robustness.names)))
     tried = {
         name: values

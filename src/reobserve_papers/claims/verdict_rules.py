@@ -44,7 +44,7 @@ class Counted:
 
     def at_least(self, share: float) -> bool | None:
         """True if it holds in this share of all settings or more, None if that is undecided."""
-        if self.whole:
+        if self.whole and self.samples:
             return self.held >= share * self.samples - 1e-9
         return sequential.above(share, self.held, self.samples)
 
@@ -55,7 +55,7 @@ class Counted:
 
     def interval(self) -> tuple[float, float]:
         """The interval of the share, each end wrong with probability `sequential.ERROR`."""
-        if self.whole:
+        if self.whole and self.samples:
             share = self.held / self.samples
             return share, share
         if 2 * self.held >= self.samples:

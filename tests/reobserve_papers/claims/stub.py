@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -33,13 +34,15 @@ class Code:
 
     The gain is multiplied by a factor. Gains in ``refused`` and ``lost`` are refused and diverge;
     of fig2 those below 1000 diverge, too, and of fig3 they are refused. ``also`` are names of
-    metrics that are the gain times a number of their own. Whatever gains are asked for are listed.
+    metrics that are the gain times a number of their own. What is `left` is one, and rounding where
+    the gain is below ``rests``. Whatever gains are asked for are listed.
     """
 
     def __init__(self) -> None:
         self.factor, self.refused, self.lost = 1.0, (0, 0), (0, 0)
         self.asked: list[float] = []
         self.also: dict[str, float] = {}
+        self.rests = 0.0
 
     def __call__(self, evaluator: Evaluator, figure: str, asked: object = None) -> list[Metric]:
         """The numbers of any figure."""
@@ -53,6 +56,7 @@ class Code:
             raise InputError("K2", "must be another")
         numbers = {
             "gain": self.factor * gain,
+            "left": math.nan if gain < self.rests else 1.0,
             "share": observers["forgetting"]["K1"] / 3,
             "variant": VARIANTS.index(evaluator.parameters.section("metrics")["variant"]),
             "relative_rms_error": self.factor * gain,

@@ -211,6 +211,8 @@ def of(checks: list[dict[str, Any]], a: float, b: float) -> Outcome:
         (1.0, 0.9, "opposed"),
         (math.nan, 1.0, "tie"),  # neither is less
         (0.0, 0.0, "tie"),
+        (1.0, math.nan, "no case"),
+        (math.nan, math.nan, "no case"),
     ],
 )
 def test_outcome_is_held_tied_or_opposed(a: float, b: float, found: Outcome) -> None:
@@ -236,13 +238,19 @@ def test_outcome_without_a_figure_is_lost() -> None:
     assert (outcome(claim, None), outcome(claim, {})) == ("refused", "diverged")
 
 
-def test_every_outcome_is_one_of_five() -> None:
-    """So that holds, ties, opposed, diverged and refused samples add up to all of them."""
+def test_numbers_that_are_not_divided_by_may_be_none() -> None:
+    """An event that never happens is none."""
+    assert of([{"value": A, "minus": B, "below": 0.0}], 1.0, math.nan) == "tie"
+    assert of([{"value": A, "exists": False}], math.nan, 1.0) == "holds"
+
+
+def test_every_outcome_is_one_of_six() -> None:
+    """So that those of samples add up to all of them."""
     values = (-1.0, 0.0, 0.5, 1.0, math.nan, math.inf)
     found = [of([LESS], a, b) for a in values for b in values]
-    kinds: tuple[Outcome, ...] = ("holds", "tie", "opposed", "diverged", "refused")
+    kinds: tuple[Outcome, ...] = ("holds", "tie", "opposed", "diverged", "refused", "no case")
     assert sum(found.count(kind) for kind in kinds) == len(found) == 36
-    assert {"holds", "tie", "opposed"} == set(found)
+    assert {"holds", "tie", "opposed", "no case"} == set(found)
 
 
 def test_null_is_the_same_check_of_another_observer() -> None:

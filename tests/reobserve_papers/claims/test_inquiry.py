@@ -11,6 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from reobserve_papers.claims import outcomes
 from reobserve_papers.claims.checks import Check, Reference
 from reobserve_papers.claims.inquiry import Inquiry, Robustness, read_robustness
 from reobserve_papers.claims.registry import Claim
@@ -95,6 +96,28 @@ def test_main_claims_and_those_that_depend_get_enough_samples(
     else:
         assert samples == alone or not alone < samples < enough
         assert not inquiry.lacks(one, enough)
+
+
+@given(st.floats(400, 5100), st.sampled_from([1600.0, 4500.0]), st.sampled_from(["is", "always"]))
+@example(620.0, 1600.0, "is")
+@example(5100.0, 1600.0, "is")  # none is a case
+@example(400.0, 1600.0, "is")  # all are
+def test_samples_that_are_no_case_are_replaced(rests: float, bound: float, quantifier: Any) -> None:
+    """They count neither way, and the verdict is that of the same samples without them."""
+    one = claim("fig1 a gain", GAIN, over="fig1 a left", below=bound)
+    one = replace(one, quantifier=quantifier, promised=("abstract",))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(outcomes, "metrics_of", code := Code())
+        code.rests = rests
+        inquiry = Inquiry.begin(Evaluator(ILO), [one], 0.9)
+        inquiry.fill(lambda _: 60, enough=60)
+    drawn = inquiry.sampled["it"]
+    gains = [trial.values[0] for trial in drawn.trials]
+    assert [word == "no case" for word in drawn.outcomes(one)] == [gain < rests for gain in gains]
+    cases = [gain for gain in gains if gain >= rests]
+    assert counted(one, drawn) == Counted(sum(gain < bound for gain in cases), len(cases))
+    assert len(cases) == 60 or drawn.samples == 120
+    assert verdicts(one, drawn) == inquiry.possible(one)
 
 
 def test_all_claims_use_the_same_samples() -> None:

@@ -237,6 +237,15 @@ def test_more_samples_do_not_change_the_choice(monkeypatch: pytest.MonkeyPatch) 
     assert named[15] == 20
 
 
+def test_samples_that_are_no_case_are_not_split() -> None:
+    drawn, _ = planted(130, 7, wrong=0.2)
+    words = drawn.outcomes(claim())
+    trials = [one for trial in drawn.trials for one in (drawn.trials[0], trial)]
+    mixed = [one for word in words for one in ("no case", word)]
+    more = separation(claim(), Robustness(drawn.names, trials), mixed)
+    assert more == separation(claim(), drawn, words)
+
+
 def test_all_settings_are_found_in_and_stated() -> None:
     held = [True] * 10 + [False] * 10
     found = separated(samples(held, whole=True, word=["x"] * 10 + ["y"] * 10))

@@ -381,14 +381,19 @@ def test_table_says_what_separates_the_outcomes_of_what_depends() -> None:
         assert not {"choice", "explained", "separation"} & set(found)
 
 
-def test_table_counts_ties_and_the_null() -> None:
-    """Of 40 samples 24 hold, 8 are tied, 7 opposed and one is lost; the null always holds."""
+@pytest.mark.parametrize("void", [0, 1, 9])
+def test_table_counts_ties_and_the_null(void: int) -> None:
+    """Of 40 cases 24 hold, 8 are tied, 7 opposed and one is lost; the null always holds.
+
+    Samples that are no case change nothing.
+    """
     a, b = Reference("fig1", "a", "error"), Reference("fig1", "b", "error")
     idle = Reference("fig1", "idle", "error")
     one = claim("fig1 a error", GAIN, over="fig1 b error", below=0.9)
     one = replace(one, null={"a": "idle"})
     errors = [0.5] * 24 + [1.0] * 8 + [2.0] * 7
     found = [{a: error, b: 1.0, idle: 0.1} for error in errors]
+    found += [{a: 0.1, b: math.nan, idle: 0.1}] * void
     trials = [Trial(partial(tuple, [float(k)]), each) for k, each in enumerate([*found, None])]
     samples = Robustness((GAIN,), trials)
     numbers = {"fig1": {("a", "error"): 0.5, ("b", "error"): 1.0, ("idle", "error"): 0.1}}
@@ -396,6 +401,9 @@ def test_table_counts_ties_and_the_null() -> None:
     cells = row(one, decider, numbers, samples)
     assert [cells[key] for key in ("samples", "held", "tied", "opposed")] == [40, 24, 8, 7]
     assert cells["null"] == f"{39 / 40:.4g}"
+    assert cells["share"] == f"{24 / 40:.4g}"
+    assert cells["margin"] == "below any number from 0.5 to 1"
+    assert cells["separation"] == "40 samples are too few to tell which choice decides"
 
 
 def test_claim_that_no_choice_reaches_is_broken() -> None:

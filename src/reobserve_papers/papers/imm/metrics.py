@@ -90,7 +90,7 @@ MEANINGS = {
     "bank_prediction_error": "the same of the bank",
     "layer_ratio": "largest a priori output error over a layer that the model alone leaves",
     "open_<state>_error": "RMS error of a state of the normal model without correction, after a "
-    "leak",
+    "leak; nan if it is rounding",
     "informed_<state>_error": "the same with a filter whose layers are as wide as the error "
     "of the model",
     "informed_<state>_error layers=step": "the same, as wide as its error over one step",

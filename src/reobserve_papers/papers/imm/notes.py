@@ -33,7 +33,7 @@ def note(job: keys.Job) -> str:
     sentences = (
         searched if plain else "",
         f"Vertical line: the leak begins. Curves: means over 30 ms; bands: {how}.",
-        "◂ and pale bars: quoted by the paper.",
+        "◂ and pale bars: quoted by the paper; the bars' thickness means nothing.",
         f"{stimulus(scenario.input, scenario.input_unit)}, samples every "
         f"{1000 * scenario.period:g} ms, {noise}; "
         f"{_SWITCHING_CONDITIONS[scenario.switching_condition]}.",

@@ -38,6 +38,7 @@ from reobserve_papers.signals.random_streams import random_stream
 Array = NDArray[np.float64]
 
 LEAST_LAYER = 1e-12  # where the models agree
+ROUNDING = 1e-9  # of the size of a state: a smaller difference of two motions is not a number
 STATES = MOTION[1:]  # which all realisations estimate
 MOST_UPDATES = 10_000  # of a covariance, until it comes to rest
 Observers = dict[str, keys.Observer]
@@ -235,7 +236,10 @@ def _informed(job: keys.Job, chosen: Observers) -> Iterator[Metric]:
     """
     leak = _leak(job)
     name, body = next(_smooth(chosen))
-    for state, error in zip(STATES, _errors(leak, leak.healthy[:, 1:]), strict=True):
+    sizes = np.abs(leak.motion[:, 1:]).max(axis=0)
+    errors = np.array(_errors(leak, leak.healthy[:, 1:]))
+    errors[errors <= ROUNDING * sizes] = np.nan  # where both models rest
+    for state, error in zip(STATES, errors.tolist(), strict=True):
         yield Metric("model", f"open_{state}_error", error, UNITS[state])
     alone, normal = _alone(body, _model_error(leak, body)), leak.models[:1]
     rows, feedthrough = state_outputs(normal[0], body.realisation, job.theory.period)
