@@ -26,7 +26,7 @@ class CheckEntry(Model):
         " words are those of a row of FIGURE.metrics.csv or theory.metrics.csv in results/PAPER;"
         " the page Metrics explains them."
     )
-    over: References | None = Field(None, description="Metrics by which the values are divided.")
+    over: References | None = Field(None, description="What they are divided by; nan: no case.")
     minus: References | None = Field(
         None, description="Metrics that are subtracted from the values."
     )
