@@ -103,7 +103,7 @@ def _linked(paper: Paper, text: str) -> str:
     """A text of several lines in which names of claims are links to them."""
     lines = (re.sub(r"^&#45; ", "- ", ticks(line)) for line in text.strip().split("\n"))
     names = "|".join(claim.name for claim in paper.claims)
-    return re.sub(rf"`({names})` is", r"[`\1`](#claim-\1) is", "\n".join(lines))
+    return re.sub(rf"`({names})` (?=is|then)", r"[`\1`](#claim-\1) ", "\n".join(lines))
 
 
 def _claims(paper: Paper) -> str:

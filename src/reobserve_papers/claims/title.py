@@ -13,7 +13,7 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import NAME, Kind, read_table, write_table
-from reobserve_papers.claims.verdict_rules import CONTRADICTED, REPRODUCED
+from reobserve_papers.claims.verdict_rules import CONTRADICTED, REPRODUCED, then
 
 Row = Mapping[str, str]  # what an alternative changes of a claim
 
@@ -124,7 +124,7 @@ def _dissent(rows: Sequence[Row]) -> str:
             stated = f"{row['held']} as stated" if row["held"] else ""
             numbers = ", ".join(filter(None, [row["other_held"], stated]))
             listed = f" ({numbers})" if numbers else ""
-            said.append(f"`{row['claim']}` is then {row['other']}{listed}")
+            said.append(f"`{row['claim']}` {then(row['other'])}{listed}")
     if not said:
         said = [f"Then {first['other_held']}; as stated {first['held']}"]
     changes = f"{first['other_title']}: {first['why']} {'; '.join(said)}."

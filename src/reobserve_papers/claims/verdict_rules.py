@@ -29,6 +29,11 @@ RE, NOT_RE, OPEN = "[Re]", "[¬Re]", "[Re?]"
 Row = Mapping[str, str]  # of the table of claims
 
 
+def then(verdict: str) -> str:
+    """The predicate of a claim with a verdict."""
+    return f"then {verdict}" if verdict == DEPENDS else f"is then {verdict}"
+
+
 @dataclass(frozen=True)
 class Counted:
     """The settings in which a claim was tried, and in how many it held.

@@ -9,7 +9,7 @@ from typing import Any
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import write_text
-from reobserve_papers.claims.verdict_rules import BROKEN, VERDICTS
+from reobserve_papers.claims.verdict_rules import BROKEN, VERDICTS, then
 from reobserve_papers.parameters.config import known_tasks, refuse_unknown
 from reobserve_papers.parameters.names import shared_texts
 from reobserve_papers.report.content_security_policy import content_policy, inline
@@ -56,7 +56,9 @@ def render(report: dict[str, Any], templates: Path) -> str:
         lstrip_blocks=True,
     )
     environment.tests["gap"] = lambda value: isinstance(value, Gap)
-    environment.filters.update(parameter_key=parameter_key, parts=parts, ticks=_ticks, alike=alike)
+    environment.filters.update(
+        parameter_key=parameter_key, parts=parts, ticks=_ticks, alike=alike, then=then
+    )
     try:
         style, script = inline(templates / "report.css"), inline(templates / "report.js")
         return environment.get_template("page.html.jinja").render(
