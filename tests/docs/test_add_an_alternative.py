@@ -72,7 +72,7 @@ def built(project: Path) -> dict[str, dict[str, str]]:
         write_metrics(folder / f"{figure}.metrics.csv", numbers)
     study = result("ilo", "study", "matching")
     write_table(project / study, [], paper_module(parameters.package, "study_rows").HEADER)
-    robustness.run(folder / "parameters.json", [], 40, cached=True)
+    robustness.run(folder / "parameters.json", 40, cached=True)
     alternatives.run(folder / "parameters.json")
     path = project / result("ilo", "alternatives")
     _, rows = read_alternatives(path)
