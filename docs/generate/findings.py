@@ -121,8 +121,8 @@ def _claims(paper: Paper) -> str:
     return (
         "## Claims\n\nThe statements are in our words. The last column is the share of samples of "
         "the unstated choices in which the claim holds, with its confidence interval: each end "
-        "holds with 95 % confidence at any number of samples. The baseline is an estimator that "
-        "knows nothing, such as a guess or random gains, and its share of the same samples. "
+        "holds with 95 % confidence at any number of samples. The baseline is a constant "
+        "guess, the measurement passed through or random gains; its share is of the same samples. "
         "Of a claim that depends on choices or is undecided it says instead which choice separates "
         "the outcomes most, if one explains a fifth of them or more: it was found in one half of "
         "the samples, and the numbers are of the other half, or of all where settings are counted. "

@@ -17,7 +17,7 @@ from reobserve_papers.claims.verdict_rules import BROKEN, CALIBRATED, CONTRADICT
 HEADER = (
     "paper", "claim", "promised", "quantifier", "place", "statement", "verdict", "holds",
     "measured", "why", "threshold", "margin", "figures", "depends_on", "samples", "held", "tied",
-    "opposed", "share", "low", "high", "null", "choice",
+    "opposed", "void", "share", "low", "high", "null", "choice",
     "explained", "separation", "setting", "problem",
 )  # fmt: skip
 
@@ -25,8 +25,8 @@ HEADER = (
 # A broken claim has a problem and nothing else; what depends on nothing was not sampled.
 KINDS = {
     "paper": NAME, "claim": NAME, "verdict": Kind((*VERDICTS, BROKEN).__contains__, "a verdict"),
-    "samples": COUNT, "held": COUNT, "tied": COUNT, "opposed": COUNT, "share": GAP, "low": GAP,
-    "high": GAP, "null": GAP, "explained": GAP,
+    "samples": COUNT, "held": COUNT, "tied": COUNT, "opposed": COUNT, "void": COUNT,
+    "share": GAP, "low": GAP, "high": GAP, "null": GAP, "explained": GAP,
 }  # fmt: skip
 
 
@@ -83,6 +83,7 @@ def row(
             "held": counted.held,
             "tied": outcomes.count("tie"),
             "opposed": outcomes.count("opposed"),
+            "void": outcomes.count("no case"),
             "share": f"{counted.held / max(counted.samples, 1):.4g}",
             "low": f"{low:.4g}",
             "high": f"{high:.4g}",

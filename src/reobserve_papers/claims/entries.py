@@ -92,8 +92,9 @@ class ClaimEntry(Model):
     )
     null: Annotated[dict[str, str], Field(min_length=1)] | Text | None = Field(
         None,
-        description="The baseline. By observer: one that knows nothing, with which the checks"
-        " should fail. Or why there is none, which a main claim of what `can` be must say.",
+        description="The baseline. By observer: a constant guess, random gains or the like,"
+        " with which the checks should fail. Or why there is none, which a main claim of what"
+        " `can` be must say.",
     )
     samples: Annotated[int, Field(ge=36)] | None = Field(
         None, description="The maximum number of samples, where a formula makes them cheap."

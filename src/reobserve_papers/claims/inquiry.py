@@ -216,8 +216,9 @@ class Inquiry:
         robustness = self.sampled[claim.name]
         if robustness.whole is not None:
             return robustness.samples == robustness.whole
-        least = max(_LEAST, self.known[claim.name].length)
-        return robustness.samples >= least and len(self.possible(claim)) == 1
+        cases = counted(self._held[claim.name]).samples
+        enough = cases >= _LEAST and robustness.samples >= self.known[claim.name].length
+        return enough and len(self.possible(claim)) == 1
 
     def lacks(self, claim: Claim, enough: int) -> bool:
         """True if a main claim, or one that depends, has fewer than ``enough`` samples, not all."""

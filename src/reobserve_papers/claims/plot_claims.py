@@ -1,4 +1,4 @@
-"""The picture of the choices that separate the outcomes of claims, by their samples."""
+"""Plot of the choices that separate the outcomes of claims."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ class Claim:
 
     @property
     def with_null(self) -> Claim:
-        """The same claim of estimators that know nothing (see `ClaimEntry.null`)."""
+        """The same claim of its baseline (see `ClaimEntry.null`)."""
         checks = tuple(check.of_others(self.null) for check in self.checks)
         return replace(self, checks=checks, null={})
 
@@ -193,8 +193,8 @@ def read_registry(project: Path, parameters: Parameters) -> Registry:
                 and entry.quantifier == "can"
                 and not (entry.null or entry.not_testable)
             ):
-                allowed = "observers that know nothing, or why there are none"
-                raise InputError("null", f"is missing of a main claim of what can be: {allowed}")
+                needed = "a main claim of what can be needs a baseline, or the reason for none"
+                raise InputError("null", f"is missing: {needed}")
             asked[name] = _choices(parameters, entry.depends_on, stated.choices)
             claims.append(_claim(parameters, name, entry, asked[name], known))
 
@@ -310,7 +310,7 @@ def _claim(
                 with located(key):
                     check_names(parameters, references, known)
     null = entry.null if isinstance(entry.null, dict) else {}
-    no_null = f"There is no baseline: {entry.null}" if entry.null and not null else ""
+    no_null = f"Baseline: {entry.null}" if entry.null and not null else ""
     if null:
         observers = {one.observer for check in checks for one in check.references}
         refuse_unknown("null", null, observers)

@@ -88,8 +88,9 @@ def possible(
         numbers that the paper prints: it is not contradicted where such settings are rare.
     """
     low = CALIBRATED if fitted else CONTRADICTED
-    if quantifier == "shown" and (fitted or counted.held):
-        return (REPRODUCED,)
+    if quantifier == "shown":
+        shown, never = fitted or counted.held > 0, counted.at_most(1 - share)
+        return tuple([REPRODUCED] * (shown or not never) + [CONTRADICTED] * (not shown))
     if quantifier == "always":
         tried = counted.samples - counted.refused
         if counted.held < tried:

@@ -12,7 +12,7 @@ from reobserve_papers.report.report_gaps import Gap
 # The sign before a verdict, in the report and on the site: none depends on its colour.
 SIGNS = dict(zip((*VERDICTS, BROKEN), "●◆◐✕?–△", strict=True))
 
-_DRAWN = ("samples", "held", "share", "low", "high")
+_DRAWN = ("samples", "held", "void", "share", "low", "high")
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,8 @@ class ReportedRobustness:
 
     ``share`` of the samples held the claim, with its 95 % interval ``low`` to ``high``; of the
     others some ``tied`` and in some the claim was ``opposed``. ``whole`` says that the samples are
-    all settings, counted. ``null`` is the share with an estimator that knows nothing.
+    all settings, counted; beside them ``void`` ones are no case. ``null`` is the share of the
+    baseline.
     """
 
     samples: int
@@ -33,13 +34,14 @@ class ReportedRobustness:
     high: float
     whole: bool
     null: float | None
+    void: int
     lost: int
     cached: int
 
     @property
     def no_better(self) -> str:
-        """The words for a claim that a baseline meets as often, as far as the samples tell."""
-        return "no better than the baseline" if self.null and self.null >= self.low else ""
+        """The words for a claim that its baseline meets as often or more often."""
+        return "no better than the baseline" if self.null and self.null >= self.share else ""
 
 
 @dataclass(frozen=True)
@@ -119,6 +121,7 @@ def _robustness(row: Mapping[str, str], cached: int) -> ReportedRobustness | Non
         high=float(row["high"]),
         whole=row["low"] == row["high"],
         null=float(row["null"]) if row["null"] else None,
+        void=int(row["void"]),
         lost=counted - held - tied - opposed,
         cached=cached,
     )

@@ -123,8 +123,8 @@ def test_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
         ),
         (
             {"quantifier": "can", "promised": ["abstract"]},
-            "claims.ilo.one.null: is missing of a main claim of what can be: observers that know "
-            "nothing, or why there are none",
+            "claims.ilo.one.null: is missing: a main claim of what can be needs a baseline, or the "
+            "reason for none",
         ),
         ({"place": ""}, "claims.ilo.one.place: must not be empty"),
         (

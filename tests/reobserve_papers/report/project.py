@@ -28,7 +28,8 @@ them.
 """
 
 _DRAWN = {
-    "samples": 40, "held": 30, "tied": 4, "opposed": 3, "share": 0.75, "low": 0.598, "high": 0.858,
+    "samples": 40, "held": 30, "tied": 4, "opposed": 3, "void": 2, "share": 0.75,
+    "low": 0.598, "high": 0.858,
 }  # fmt: skip
 
 _STATED = row_as_stated("[Re?]", ["double_pole", "placed_is_better"])
@@ -68,7 +69,8 @@ CLAIMS = [
         "claim": "tuned", "place": "Fig. 1", "statement": "It is <script>alert(1)</script> tuned.",
         "verdict": "reproduced only by calibration", "holds": "yes", "figures": "fig1",
         "measured": "fig1 slow late_rms_error = 0.4, must be below 1", "why": "As `chosen`.",
-        "depends_on": "observers.slow.gains seed", **_DRAWN, "setting": "the parameter file",
+        "depends_on": "observers.slow.gains seed", **_DRAWN, "void": 0,
+        "setting": "the parameter file",
     },
     {
         "claim": "slow_is_good", "place": "Section 3",

@@ -132,9 +132,9 @@ def test_claims_include_checks_and_robustness(project: Path) -> None:
     assert (found.tied, found.opposed, found.lost, found.cached) == (4, 3, 3, 38)
     assert found.held + found.tied + found.opposed + found.lost == found.samples
     assert (found.null, found.no_better) == (0.025, "")
-    for null, said in ((found.low, True), (found.low - 0.01, False), (0.0, False), (1.0, True)):
+    for null, said in ((found.share, True), (found.share - 0.01, False), (0.0, False), (1.0, True)):
         assert replace(found, null=null).no_better == "no better than the baseline" * said
-    assert not replace(found, null=0.0, low=0.0).no_better
+    assert not replace(found, null=0.0, share=0.0).no_better
     tuned = claims(project)["tuned"]
     assert tuned.setting == "the parameter file"
     assert tuned.robustness

@@ -11,7 +11,7 @@ the expansion, the differentiator with L in its last line (`levant`), random ini
 (`starts`, and `projection` for the runs that reach a bound), or the average delay as an estimate.
 Errors of runs are without noise.
 
-`guess` is an estimate that knows nothing: the delay stays where it begins, the state is the
+`guess` is a baseline: the delay stays where it begins, the state is the
 measurement and its difference quotient; in the theory all stay where they begin. A check of
 estimates that it passes tests nothing. `threshold=none` is a sampled observer whose gain is never
 switched off.
@@ -179,7 +179,7 @@ def _varying(data: FigureData[keys.Job], estimate: Series) -> Iterator[Score]:
 
 
 def _guess(data: FigureData[keys.Job], *, clean: bool) -> Iterator[Score]:
-    """Scores of an estimate that knows nothing.
+    """Scores of a baseline.
 
     It keeps the initial delay of the first extended observer. Its state is the measurement,
     ``clean`` or with its noise, and the difference quotient of that over a sampling period.

@@ -61,8 +61,8 @@ def _designed(matrices: Any, body: keys.Design) -> CertifiedGains:
 def _feasible(system: AugmentedSystem, body: keys.Feasible) -> CertifiedGains:
     """The design from a solution in which currents are in `current_unit`, in SI units.
 
-    The states and outputs are T x and T y there. All units have the same solutions, but not the
-    same one of minimum norm.
+    The states and outputs are T x and T y there; C is the identity, the same in all units. All have
+    the same solutions, but not the same one of minimum norm.
     """
     T = np.array([1.0, 1e3 if body.current_unit == "mA" else 1.0])
     sizes = np.array([*T, *T, 1.0, 1.0])[:, None]  # of x, xz, fa, fs
@@ -72,7 +72,7 @@ def _feasible(system: AugmentedSystem, body: keys.Feasible) -> CertifiedGains:
     gains = Gains(found.gains.L * T / sizes, found.gains.Ld)
     certificate = certify(system, gains, decay=body.decay)
     if not certificate.holds:
-        raise InputError("current_unit", f"mA: {certificate.reason}")
+        raise InputError("current_unit", f"{body.current_unit}: {certificate.reason}")
     return replace(found, gains=gains, certificate=certificate)
 
 

@@ -7,8 +7,8 @@ column holds the kind of design, and errors are without disturbance and noise. I
 observer column holds an observer or another subject: the motor (also with the printed sign), one or
 both outputs, and so on.
 
-`random` is the median over five observers that know nothing: their gains are random but stable. A
-check of estimates that they pass tests nothing. `lag=counted` is the whole error, `lag=removed`
+`random` is the median over five observers whose gains are random but stable. A check of estimates
+that they pass tests nothing. `lag=counted` is the whole error, `lag=removed`
 what is left of it after the estimate is shifted in time. `at=ends` is taken at the ends of the
 times for which noise and disturbances are held, `at=time` over all time.
 """

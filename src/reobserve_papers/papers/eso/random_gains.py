@@ -1,4 +1,4 @@
-"""Observers that know nothing: gains at random, which a check of estimates must not accept."""
+"""Observers with gains at random, which a check of estimates must not accept."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ Means over the last two seconds before the fault (`_before`) and over the last t
 (`_after`), of the probability of a mode; y is the velocity, whose unit the paper does not give.
 Metrics with coordinates belong to a study. Those of the changes have the change and its level.
 For the neighbourhood the observer column holds the tuned number, `search`, or `all` banks. In
-`theory.metrics.csv` it holds a bank, or `model` for the normal one. Estimators that know nothing
+`theory.metrics.csv` it holds a bank, or `model` for the normal one. Baselines
 are `guess`, a bank that always gives all modes the same probability; `random_gain`, a filter that
 corrects a random share of each innovation, or such a bank with the layers of the SVSF named after
 it; and `measurement`, the measured velocity. Checks of main claims must reject them. `nan` means

@@ -1,4 +1,4 @@
-"""Estimators that know nothing, which must fail what a claim asks of an SVSF."""
+"""Baselines, which must fail what a claim asks of an SVSF."""
 
 from __future__ import annotations
 
