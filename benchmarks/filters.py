@@ -15,9 +15,7 @@ from benchmarks.filter_problem import CONVERGENCE_RATE, LAYER, TRANSITION, banks
 from benchmarks.report import Check, Row, Section
 from benchmarks.timing import medians
 from reobserve.core.value import for_loop
-from reobserve.observers.imm import IMM
-from reobserve.observers.imm_loop import Bank, run_bank
-from reobserve.observers.imm_work import Posteriors, new_bank_rows, new_bank_work
+from reobserve.observers.imm import IMM, Bank, Posteriors, new_bank_rows, new_bank_work, run_bank
 
 Array = NDArray[np.float64]
 Peer = Callable[[], Found]

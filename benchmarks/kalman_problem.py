@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import reobserve
 from benchmarks.compiled import build_c, pointer
-from reobserve.observers import linear_steps
+from reobserve.observers import kalman
 from reobserve_papers.signals.random_streams import random_stream
 
 Array = NDArray[np.float64]
@@ -153,20 +153,20 @@ def filter_jobs(folder: Path, kind: str, n: int, rows: int) -> Jobs:
 
     peers = libraries(folder, n).items()
     jobs = {"ours": run, **{name: c_filter(one, kind, n, y, u) for name, one in peers}}
-    if n <= linear_steps.UNROLLED:
+    if n <= kalman.UNROLLED:
         jobs[ROLLED] = rolled(kind, n, y, u)
     return jobs
 
 
 def rolled(kind: str, n: int, y: Array, u: Array) -> Callable[[], Found]:
     """A run of our filter by the loops that are compiled for all sizes."""
-    one, unrolled = our_filter(kind, n), linear_steps.UNROLLED
+    one, unrolled = our_filter(kind, n), kalman.UNROLLED
     start = one.init(np.zeros(n), 1.0)
-    linear_steps.UNROLLED = 0  # scratch, which the filter keeps, says by which loops it is run
+    kalman.UNROLLED = 0  # scratch, which the filter keeps, says by which loops it is run
     try:
         one.run(y[:1], u[:1], state=start)
     finally:
-        linear_steps.UNROLLED = unrolled
+        kalman.UNROLLED = unrolled
 
     def run() -> Found:
         done = one.run(y, u, state=start)

@@ -9,7 +9,6 @@ from reobserve.observers.augmented_kalman import AugmentedKalmanFilter as Augmen
 from reobserve.observers.extended_high_gain import (
     ExtendedHighGainObserver as ExtendedHighGainObserver,
 )
-from reobserve.observers.extended_kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
 from reobserve.observers.extended_state import ExtendedStateObserver as ExtendedStateObserver
 from reobserve.observers.fault_bank import FaultBank as FaultBank
 from reobserve.observers.fixed_gain import FixedGainObserver as FixedGainObserver
@@ -23,6 +22,8 @@ from reobserve.observers.ilo_sampled import SampledILO as SampledILO
 from reobserve.observers.imm import IMM as IMM
 from reobserve.observers.kalman import KalmanFilter as KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator as LevantDifferentiator
+from reobserve.observers.nonlinear_filter import ExtendedKalmanFilter as ExtendedKalmanFilter
+from reobserve.observers.nonlinear_filter import UnscentedKalmanFilter as UnscentedKalmanFilter
 from reobserve.observers.normal_form import normal_form_observer as normal_form_observer
 from reobserve.observers.normal_form_identity import IdentityObserver as IdentityObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver as TransformedObserver
@@ -32,7 +33,6 @@ from reobserve.observers.smooth_variable_structure import (
     SmoothVariableStructureFilter as SmoothVariableStructureFilter,
 )
 from reobserve.observers.smoother import rts_smoother as rts_smoother
-from reobserve.observers.unscented_kalman import UnscentedKalmanFilter as UnscentedKalmanFilter
 from reobserve.systems.linear import LinearModel as LinearModel
 from reobserve.systems.nonlinear import NonlinearModel as NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem as PolynomialSystem

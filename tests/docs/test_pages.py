@@ -110,9 +110,9 @@ def test_modules_with_pages_are_public_or_named_on_pages() -> None:
     assert len(modules) < 90
     index = texts["reference/library/observers/index.md"]
     assert "| [`ilo_sampled`](ilo_sampled.md) |" in index
-    assert "| `linear_loop` |" in index
+    assert "| `kalman` |" in index
     assert {name for name in modules if not api.is_shown(ROOT, f"{name}.A")} == set()
-    assert not api.is_shown(ROOT, "reobserve.observers.linear_loop.A")
+    assert not api.is_shown(ROOT, "reobserve.observers.kalman.A")
     assert not api.is_shown(ROOT, "reobserve_papers.papers.ilo.plots")
 
 

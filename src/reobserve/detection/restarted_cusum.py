@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from reobserve.core.kernel import kernel
 from reobserve.core.value import for_loop
 from reobserve.observers.gaussian_state import KalmanState
-from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_steps import LinearWork, correct, new_linear_work, predict
+from reobserve.observers.kalman import KalmanFilter, LinearWork, correct, new_linear_work, predict
 from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]

@@ -26,8 +26,8 @@ from reobserve.estimation.start_up import start_up
 from reobserve.estimation.timestamps import Timestamps
 from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_filter import KEPT
+from reobserve.observers.gaussian_state import VagueStartWarning
 from reobserve.observers.run import Run
-from reobserve.observers.vague_start import VagueStartWarning
 
 Array = NDArray[np.float64]
 

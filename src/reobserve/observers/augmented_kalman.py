@@ -14,11 +14,9 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.covariances import as_covariance, as_covariances
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_sized, as_vector
-from reobserve.observers.gain import Gain
 from reobserve.observers.gaussian_filter import KEPT, GaussianFilter
-from reobserve.observers.gaussian_state import FilterSteps, KalmanState
-from reobserve.observers.kalman import KALMAN, LINEAR, TAKES
-from reobserve.observers.linear_loop import FilterRows, PredictedRows
+from reobserve.observers.gaussian_state import FilterRows, FilterSteps, KalmanState, PredictedRows
+from reobserve.observers.kalman import KALMAN, LINEAR, TAKES, Gain
 from reobserve.observers.run import AxisNames
 from reobserve.synthesis.linear_gain import undetectable_modes
 from reobserve.systems.linear import LinearModel, ModelRows, as_matrices

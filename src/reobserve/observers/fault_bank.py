@@ -18,8 +18,7 @@ from reobserve.core.finite import finite
 from reobserve.core.matrices import as_positive, as_sized, as_vector
 from reobserve.observers.augmented_kalman import as_fault_matrices
 from reobserve.observers.gaussian_state import ModeFilter
-from reobserve.observers.imm import IMM
-from reobserve.observers.imm_state import ImmState
+from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.record import Record, Rows
 from reobserve.observers.run import AxisNames

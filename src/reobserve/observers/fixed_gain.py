@@ -13,10 +13,9 @@ from reobserve.core.arguments import as_kind, as_poles
 from reobserve.core.balancing import output_scales, powers
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, spectral_radius
-from reobserve.observers.gain import Gain, own_gain_function
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps, KalmanState
-from reobserve.observers.kalman import LINEAR, TAKES
+from reobserve.observers.kalman import LINEAR, TAKES, Gain, own_gain_function
 from reobserve.synthesis.linear_gain import place, steady_kalman_gain
 from reobserve.systems.linear import LinearModel
 

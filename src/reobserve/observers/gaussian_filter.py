@@ -20,40 +20,170 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind, as_word
 from reobserve.core.covariances import as_covariance
-from reobserve.core.errors import InputError, shown
+from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.loop_function import RaisedAfterLoop
-from reobserve.core.matrices import as_positive, as_vector
-from reobserve.observers import filter_halves
+from reobserve.core.matrices import as_floats, as_positive, as_row, as_samples, as_vector
+from reobserve.core.value import for_loop
 from reobserve.observers.batch_run import in_threads, part
 from reobserve.observers.contract import Observer
-from reobserve.observers.estimated_noise import check_noise_memory, refuse_given
-from reobserve.observers.filter_records import can_run_together, posteriors_of, run_together
-from reobserve.observers.filter_rules import Rules, forgetting
 from reobserve.observers.gaussian_state import (
     Correction,
+    FilterPosteriors,
+    FilterRows,
     FilterSteps,
     Gaussian,
     InRecord,
     KalmanState,
     Matrices,
+    PredictedRows,
+    Rules,
     check_held,
     check_noise,
+    check_noise_memory,
     check_posterior,
     check_sample,
     check_time,
+    forgetting,
     inputs_of_rows,
     periods_of,
     reached,
+    refuse_given,
     sample_before,
+    warn_of_start,
+    warn_of_starts,
 )
-from reobserve.observers.linear_loop import FilterPosteriors, FilterRows, PredictedRows
 from reobserve.observers.record import Batch, Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
-from reobserve.observers.uneven_times import uneven_hint, uneven_times
-from reobserve.observers.vague_start import warn_of_start
 from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
+
+EVEN = 1e-9  # of the sampling period: by how much even times may differ
+DT_AND_TIME = 1e-6  # of the sampling period: how far times may be from those that dt led to
+
+
+def uneven_times(
+    model: Any, time: ArrayLike | None, state: Any, record: Record
+) -> tuple[Array, Record] | None:
+    """The times of the rows, and the record with what leads to each of them, or None if even.
+
+    ``dt`` in the record leads from each row to the next one; ``time`` are those of the rows.
+
+    Raises
+    ------
+    InputError
+        If both are given, the times do not increase or dt is not positive; or if the time of the
+        row before is not known.
+    """
+    rows, period, given = len(record.y), model.sampling_period, record.given.get("dt")
+    held = state.held.get("dt") if isinstance(state.held, Mapping) else None
+    if given is not None and time is not None:
+        raise InputError("dt", "is given beside time, must be the only one of them")
+    reached = state.sample is not None and (state.count or not np.isnan(state.sample).any())
+    if time is not None or (given is None and held is None):
+        able = getattr(model, "density", None) is not None or "Q" in record.given
+        if time is None or not able or not model.continuous:
+            return None
+        times = as_samples("time", time, None, rows=rows, like="y").copy()
+        last = state.count * period if state.time is None and reached else state.time
+        first = period if last is None else times[0] - last
+        if held is not None and abs(first - held[0]) > DT_AND_TIME * period:
+            problem = (
+                f"begins {first:.9g} s after the row before, from where dt was {held[0]:.9g} s"
+            )
+            raise InputError("time", problem)
+        if state.time is None and reached and abs(first - period) > EVEN * period:
+            raise InputError(
+                "time", f"begins at {times[0]:.9g} s, but the state was reached without times, "
+                f"which counts as {last:.9g} s; give time to the run before, too",
+            )  # fmt: skip
+        periods = np.concatenate([[first], np.diff(times)])
+        if periods.min() <= 0:
+            row = int(np.argmax(periods <= 0))
+            problem = f"must increase, does not at row {row}, of {times[row]:.9g} s"
+            raise InputError("time", problem)
+        periods[np.abs(periods - period) <= EVEN * period] = period
+        if (periods == period).all():
+            return times, record._replace(time=times)
+        return times, record._replace(time=times, periods=periods)
+    lengths = np.full(rows, period) if given is None else as_floats("dt", given)
+    if lengths.shape not in ((), (rows,)) or lengths.min() <= 0:
+        raise InputError("dt", f"{shown(given)} must be a positive time, or {rows} of them")
+    first = np.atleast_1d(period if held is None else held)
+    periods = np.concatenate([first, np.broadcast_to(lengths, rows)])
+    after = np.cumsum(periods[:-1])
+    last = state.count * period if state.time is None else state.time
+    times = after - after[0] if state.sample is None else last + after
+    return times, record._replace(time=times, periods=periods)
+
+
+def uneven_hint(model: Any) -> str:
+    """The way in which a filter on this model takes other times, as the end of a sentence."""
+    if getattr(model, "density", None) is not None:
+        return ""
+    if model.continuous:
+        return "; for other times give from_ode the density of the noise, or Q by row"
+    return "; for other times make the model by from_ode, with the density of the noise"
+
+
+def can_run_together(records: Sequence[Record], states: Sequence[KalmanState]) -> bool:
+    """True if the same matrices lead to the rows of all records."""
+    first, first_record = states[0], records[0]
+    alike = all(
+        (state.sample is None) == (first.sample is None) and state.held is first.held is None
+        for state in states
+    )
+    return alike and first_record.periods is None and "S" not in first_record.given
+
+
+def posteriors_of(observer: GaussianFilter, states: Sequence[KalmanState]) -> FilterPosteriors:
+    """Copies of what the states hold, which the loops move."""
+    posteriors, learned = [state.posterior for state in states], observer.noise_memory is not None
+    return FilterPosteriors(
+        np.array([posterior.mean for posterior in posteriors]),
+        np.array([posterior.covariance for posterior in posteriors]),
+        np.array([posterior.error for posterior in posteriors]),
+        np.array([state.noise for state in states]) if learned else np.empty((len(states), 1)),
+        np.array([float(state.count + (state.sample is not None)) for state in states]),
+    )
+
+
+def run_together(
+    observer: GaussianFilter, records: Sequence[Record], states: Sequence[KalmanState]
+) -> Batch:
+    """Run the compiled loop on records that `can_run_together`."""
+    first, first_record = states[0], records[0]
+    given, fresh = observer._given(first_record.given, len(first_record.y)), first.sample is None
+    refuse_given(observer, given)
+    pairs = zip(states, records, strict=True)
+    inputs = np.array([inputs_of_rows(state.sample, record) for state, record in pairs])
+    y = np.array([record.y for record in records])
+    model, inputs, held = observer._in_record(given, y[0], inputs)
+    keep = observer._names_to_keep(given) if given else ()
+    after = posteriors_of(observer, states)
+    starts = after.covariances.diagonal(0, 1, 2).copy()
+    rows, kept, ends = observer._filtered(model, inputs, y, fresh, after, keep)
+    n, _, m = observer._sizes
+    if first.count <= n and n * m > 1:
+        P, S = (array[:, : n + 1] for array in rows[1:4:2])
+        warn_of_starts(starts, P.diagonal(0, 2, 3), ends[:, 0], S)
+    causes = observer.steps.causes
+    return Batch(
+        observer._by_name(rows, kept, keep), {}, ends[:, 0].tolist(),
+        [reached(after, r, states[r], records[r], held, observer._sizes) for r in range(len(y))],
+        [causes[cause] if cause else "" for cause in ends[:, 1].tolist()],
+    )  # fmt: skip
+
+
+def innovation_deviation(observer: GaussianFilter, state: KalmanState) -> Array:
+    """The standard deviations of the next row's innovation, shape (m,), if the model is right.
+
+    It raises what `predict` and `correct` do.
+    """
+    ahead = observer.predict(observer._checked(state).posterior, np.zeros(observer.inputs))
+    row = observer.correct(ahead, np.zeros(observer.measurements), np.zeros(observer.inputs))
+    return np.sqrt(np.diag(row.innovation_covariance))
+
 
 ROWS_FOR_THREADS = 10_000  # of all records: fewer are done before threads have started
 KEPT = PredictedRows._fields
@@ -234,7 +364,20 @@ class GaussianFilter(Observer[KalmanState]):
         DivergenceError
             If the result is not finite; its time counts from there.
         """
-        return filter_halves.predict(self, posterior, u)
+        n, m = self.whole.states, self.whole.outputs
+        posterior = check_posterior("posterior", posterior, n, m)
+        control = as_vector("u", u, self.whole.inputs)
+        model, inputs, _ = self._in_record({}, np.empty((1, m)), np.array([[control, control]]))
+        mean, covariances, work = np.empty((1, n)), np.empty((2, 1, n, n)), self._work()
+        with RaisedAfterLoop():
+            good = self.steps.predict(
+                model, self.method, inputs[0], for_loop(posterior.mean)[None],
+                for_loop(posterior.covariance)[None], mean, *covariances, work,
+            )  # fmt: skip
+        if not good:
+            cause = int(work.cause[0]) if hasattr(work, "cause") else 0
+            raise DivergenceError(type(self).__name__, 0.0, self.steps.causes.get(cause, ""))
+        return Gaussian(mean[0], covariances[0, 0], posterior.error)
 
     def correct(self, posterior: Gaussian, y: ArrayLike, u: ArrayLike = ()) -> Correction:
         """Measurement update of a predicted posterior (Gadsden et al. 2011, (13) to (19)).
@@ -249,7 +392,21 @@ class GaussianFilter(Observer[KalmanState]):
             range of floating-point numbers, or rounding makes a variance negative; its time counts
             from there.
         """
-        return filter_halves.correct(self, posterior, y, u)
+        n, m = self.whole.states, self.whole.outputs
+        taken = as_samples("y", as_row("y", y), m, missing=True)[0]
+        control = as_vector("u", u, self.whole.inputs)
+        posterior = check_posterior("posterior", posterior, n, m)
+        if np.isnan(taken).all():
+            return Correction(posterior, np.full(m, np.nan), np.full((m, m), np.nan), 0.0)
+        model, inputs, _ = self._in_record({}, taken[None], np.array([[control, control]]))
+        after = posteriors_of(self, [KalmanState(posterior, noise=self._start_noise)])
+        rows, _, ends = self._filtered(model, inputs, taken[None, None], True, after)
+        if not ends[0, 0]:
+            raise DivergenceError(type(self).__name__, 0.0, self.steps.causes.get(ends[0, 1], ""))
+        return Correction(
+            Gaussian(*(part[0] for part in after[:3])), rows.innovation[0, 0],
+            rows.innovation_covariance[0, 0], float(rows.log_likelihood[0, 0]),
+        )  # fmt: skip
 
     def _given(self, given: Mapping[str, Any], rows: int) -> Mapping[str, Any]:
         """The values given by name for k rows, for the model of all that is estimated."""

@@ -17,8 +17,7 @@ from reobserve.core.matrices import all_finite, as_floats, as_numbers, as_scalar
 from reobserve.core.value import read_only
 from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_state import inputs_of_rows
-from reobserve.observers.imm import IMM
-from reobserve.observers.imm_state import ImmState
+from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.record import Record, Rows
 from reobserve.systems.linear import LinearModel

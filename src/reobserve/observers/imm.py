@@ -15,17 +15,20 @@ has fewer outputs than states: the pseudo-inverse of C depends on the units of t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_flag
 from reobserve.core.covariances import as_covariances
-from reobserve.core.errors import InputError, shown
+from reobserve.core.errors import DivergenceError, InputError, shown
+from reobserve.core.interrupts import FIRST, poll
+from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import (
     as_floats,
@@ -34,36 +37,516 @@ from reobserve.core.matrices import (
     as_probabilities,
     as_row_stochastic,
 )
-from reobserve.core.value import for_loop
+from reobserve.core.value import Value, for_loop
+from reobserve.observers import kalman as linear
 from reobserve.observers.contract import Observer
-from reobserve.observers.estimated_noise import refuse_given
-from reobserve.observers.filter_rules import Rules, forgetting
-from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_filter import GaussianFilter, uneven_times
 from reobserve.observers.gaussian_state import (
+    Correction,
+    Gaussian,
     Matrices,
     ModeFilter,
+    Rules,
     check_held,
     check_noise,
     check_sample,
     check_time,
+    forgetting,
     inputs_of_rows,
     periods_of,
+    refuse_given,
     sample_before,
+    warn_of_start,
 )
-from reobserve.observers.imm_loop import Bank, run_bank
-from reobserve.observers.imm_one_by_one import run_one_by_one
-from reobserve.observers.imm_state import ImmState, check_filters, size_of
-from reobserve.observers.imm_work import Posteriors, new_bank_rows, new_bank_work
-from reobserve.observers.kalman import LINEAR
-from reobserve.observers.linear_loop import NEGATIVE_CAUSE
+from reobserve.observers.kalman import BEGUN, LINEAR, NEGATIVE_CAUSE, shortest
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
-from reobserve.observers.uneven_times import uneven_times
-from reobserve.observers.vague_start import warn_of_start
 from reobserve.systems.linear import ModelRows
 from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImmState(Value):
+    """All the bank remembers: what each filter believes, and the logarithms of mu, shape (r,).
+
+    Means (r, n), covariances (r, n, n) and a posteriori output errors (r, m) of all filters stand
+    one behind the other, as the compiled loop takes them. ``sample`` and ``count`` are as in
+    `reobserve.observers.record.ObserverState`; y may be nan. ``held`` is what was given by row
+    and leads from that sample to the next, of each filter; ``time`` is that of the sample [s], or
+    None where it is counted; ``noise`` are the variances of R, (m,), where they are estimated, and
+    ``past`` are the inputs of rows before, where these have a delay.
+    """
+
+    means: Array
+    covariances: Array
+    errors: Array
+    log_probabilities: Array
+    sample: Array | None = None
+    count: int = 0
+    held: tuple[Matrices, ...] | None = None
+    time: float | None = None
+    noise: Array | None = None
+    past: Array | None = None
+
+    @property
+    def posteriors(self) -> tuple[Gaussian, ...]:
+        """The posterior of each filter."""
+        parts = zip(self.means, self.covariances, self.errors, strict=True)
+        return tuple(Gaussian(*part) for part in parts)
+
+
+def check_filters(filters: Any) -> None:
+    """Refuse what is no list of filters that a bank can mix.
+
+    Raises
+    ------
+    InputError
+        With the filter that differs from the first.
+    """
+    if not isinstance(filters, list | tuple) or not filters:
+        raise InputError("filters", f"{shown(filters)} must be a list of one filter or more")
+    for j, mode in enumerate(filters):
+        wanted = ("predict", "correct", "model")
+        if isinstance(mode, type) or not all(hasattr(mode, part) for part in wanted):
+            problem = f"{shown(mode)} must have a model, predict and correct"
+            raise InputError(f"filters[{j}]", problem)
+        size, first = size_of(mode), size_of(filters[0])
+        if size != first:
+            problem = f"has {size} states, inputs and outputs, the first filter {first}"
+            raise InputError(f"filters[{j}]", problem)
+        period, first_period = mode.model.sampling_period, filters[0].model.sampling_period
+        if period != first_period:
+            problem = f"has a sampling period of {period:g} s, the first {first_period:g} s"
+            raise InputError(f"filters[{j}]", problem)
+        for name in ("gate", "noise_memory"):
+            if getattr(mode, name, None) is not None:
+                problem = f"has {name} of its own: the bank takes it, for all filters"
+                raise InputError(f"filters[{j}]", problem)
+        if not all(map(np.array_equal, periods_of(mode), periods_of(filters[0]))):
+            problem = "has other periods of angles than the first filter"
+            raise InputError(f"filters[{j}]", problem)
+
+
+def size_of(mode: ModeFilter) -> tuple[int, int, int]:
+    """The numbers of states, inputs and outputs of a filter."""
+    model = getattr(mode, "whole", mode.model)
+    return model.states, model.inputs, model.outputs
+
+
+LEAST = 1e-280  # a sum of probabilities above this has all its digits
+
+
+class Posteriors(NamedTuple):
+    """Means (r, n), covariances (r, n, n) and output errors (r, m) of all filters, and log mu.
+
+    ``noise``, (m,), are the variances of R, and ``begun``, (1,), the number of rows before, if they
+    are estimated.
+    """
+
+    means: Array
+    covariances: Array
+    errors: Array
+    log_probabilities: Array
+    noise: Array
+    begun: Array
+
+
+class BankRows(NamedTuple):
+    """The estimates of a bank, a row a sample, by their names.
+
+    ``outlier`` and ``noise_variance`` have one row, which is overwritten, if nobody wants them.
+    """
+
+    state: Array
+    covariance: Array
+    probability: Array
+    innovation: Array
+    log_likelihood: Array
+    outlier: Array
+    noise_variance: Array
+
+
+class BankWork(NamedTuple):
+    """Arrays of a step: mu(i|j), (r, r), mixed posteriors, log-likelihoods (r,), one filter's.
+
+    ``taken``, (m,), is a row without outliers, ``changes``, (r, m), what each filter says of the
+    variances of R, and ``apart``, (r, n), how far the filters' means are from a mixed one.
+    """
+
+    weights: Array
+    mixed: Posteriors
+    log_likelihoods: Array
+    taken: Array
+    changes: Array
+    apart: Array
+    of_filter: linear.LinearWork
+
+
+def new_bank_work(posteriors: Posteriors, mixing: bool, rules: Rules | None = None) -> BankWork:
+    """Arrays for the steps of a bank, whose mixed posteriors without mixing are the filters'."""
+    r, n = posteriors.means.shape
+    m = posteriors.errors.shape[1]
+    means, covariances, errors, *_ = posteriors
+    if mixing:
+        means, covariances = np.empty((r, n)), np.empty((r, n, n))
+    mixed = Posteriors(means, covariances, errors, np.empty(r), *posteriors[4:])
+    return BankWork(
+        np.empty((r, r)), mixed, np.empty(r), np.empty(m), np.zeros((r, m)), np.empty((r, n)),
+        linear.new_linear_work(n, m, rules),
+    )  # fmt: skip
+
+
+def new_bank_rows(
+    k: int, r: int, n: int, m: int, gated: bool = False, learned: bool = False
+) -> BankRows:
+    """Arrays for the estimates of k rows, by r filters of n states and m outputs."""
+    shapes = (k, n), (k, n, n), (k, r), (k, r, m), (k,), (k if gated else 1, m)
+    return BankRows(*map(np.empty, (*shapes, (k if learned else 1, m))))
+
+
+FAR = -1000.0  # a logarithm below this loses digits of the logarithm of a sum that is added to it
+
+
+class Bank(NamedTuple):
+    """Matrices of all filters by row, (., r, ...), their parameters, p_ij, and the bank's gate."""
+
+    model: ModelRows
+    parameters: Array
+    transition: Array
+    mixing: bool
+    gate: float = math.inf
+
+
+@inlined_kernel
+def mixing_probabilities(
+    transition: Array, log_probabilities: Array, weights: Array, predicted: Array
+) -> None:
+    """Write mu(i|j) to ``weights[j, i]`` and log c_j to ``predicted``.
+
+    Gadsden et al. 2011, (7) and (8).
+
+    A mode that cannot be reached keeps to itself.
+    """
+    # c_j = sum_i p_ij mu_i,   mu(i|j) = p_ij mu_i / c_j
+    r = len(log_probabilities)
+    for i in range(r):
+        probability = math.exp(log_probabilities[i])
+        for j in range(r):
+            weights[j, i] = transition[i, j] * probability
+    for j in range(r):
+        total = 0.0
+        for i in range(r):
+            total += weights[j, i]
+        if total > LEAST:
+            predicted[j] = math.log(total)
+        else:
+            greatest = -math.inf
+            for i in range(r):
+                weights[j, i] = math.log(transition[i, j]) + log_probabilities[i]
+                greatest = max(greatest, weights[j, i])
+            total = 0.0
+            for i in range(r):
+                if greatest == -math.inf:
+                    weights[j, i] = 1.0 if i == j else 0.0
+                else:
+                    weights[j, i] = math.exp(weights[j, i] - greatest)
+                total += weights[j, i]
+            predicted[j] = greatest + math.log(total)
+        for i in range(r):
+            weights[j, i] /= total
+
+
+@inlined_kernel
+def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> float:
+    """Weigh predicted modes by their likelihoods, and return the logarithm of c.
+
+    Gadsden et al. 2011, (20) and (21).
+
+    It is the log-likelihood of the measurement over all modes.
+    """
+    # c = sum_j L_j c_j,   mu_j = L_j c_j / c
+    greatest, total = -math.inf, 0.0
+    for j in range(len(log_probabilities)):
+        log_probabilities[j] += log_likelihoods[j]
+        greatest = max(greatest, log_probabilities[j])
+    for value in log_probabilities:
+        total += math.exp(value - greatest)
+    rest = math.log(total)
+    whole = greatest + rest
+    for j in range(len(log_probabilities)):
+        if greatest > FAR:
+            log_probabilities[j] -= whole
+        else:
+            log_probabilities[j] = (log_probabilities[j] - greatest) - rest
+    return whole
+
+
+@inlined_kernel
+def average(weights: Array, means: Array, a: int, period: float) -> float:
+    """The mean of entry a by weights that sum to one, of angles around that of the largest."""
+    total = 0.0
+    if period == 0.0:
+        for i in range(len(weights)):
+            total += weights[i] * means[i, a]
+        return total
+    likely = 0
+    for i in range(len(weights)):
+        if weights[i] > weights[likely]:
+            likely = i
+    for i in range(len(weights)):
+        total += weights[i] * shortest(means[i, a] - means[likely, a], period)
+    return shortest(means[likely, a] + total, period)
+
+
+# mu(i|j) = p_ij mu_i / c_j,   c_j = sum_i p_ij mu_i
+# x0_j = sum_i mu(i|j) x_i,   P0_j = sum_i mu(i|j) (P_i + (x_i - x0_j) (x_i - x0_j)')
+@inlined_kernel
+def interact(transition: Array, mixing: bool, posteriors: Posteriors, work: BankWork) -> None:
+    """Mix the filters' posteriors, and predict the modes (Gadsden et al. 2011, (9) and (10))."""
+    weights, mixed = work.weights, work.mixed
+    mixing_probabilities(transition, posteriors.log_probabilities, weights, mixed.log_probabilities)
+    if not mixing:
+        return
+    r, n = posteriors.means.shape
+    means, periods, apart = posteriors.means, work.of_filter.rules.state_periods, work.apart
+    for j in range(r):
+        for a in range(n):
+            mixed.means[j, a] = average(weights[j], means, a, periods[a])
+            for i in range(r):
+                apart[i, a] = shortest(means[i, a] - mixed.means[j, a], periods[a])
+        for a in range(n):
+            for b in range(a + 1):
+                total = 0.0
+                for i in range(r):
+                    spread = posteriors.covariances[i, a, b] + apart[i, a] * apart[i, b]
+                    total += weights[j, i] * spread
+                mixed.covariances[j, a, b] = mixed.covariances[j, b, a] = total
+
+
+# x_j = A_j x0_j + B_j u,   P_j = A_j P0_j A_j' + Q_j
+@inlined_kernel
+def predict(
+    model: ModelRows, k: int, controls: Array, posteriors: Posteriors, work: BankWork
+) -> None:
+    """Time update of all filters to row k, (11) and (12)."""
+    A, B = model.A[min(k, len(model.A) - 1)], model.B[min(k, len(model.B) - 1)]
+    Q, mixed = model.Q[min(k, len(model.Q) - 1)], work.mixed
+    linear.assign(posteriors.log_probabilities, mixed.log_probabilities)
+    for j in range(len(A)):
+        linear.predict(
+            A[j], B[j], Q[j], controls[min(j, len(controls) - 1)], mixed.means[j],
+            mixed.covariances[j], posteriors.means[j], posteriors.covariances[j], work.of_filter,
+        )  # fmt: skip
+
+
+@inlined_kernel
+def leave_out_outliers(
+    bank: Bank, k: int, measurement: Array, controls: Array, posteriors: Posteriors,
+    outliers: Array, work: BankWork,
+) -> None:  # fmt: skip
+    """Write to ``work.taken`` the measurements without those beyond the gates of all filters.
+
+    If one filter alone left one out, its mode would gain by that. ``outliers`` become the least
+    deviations of those that are left out.
+    """
+    C, D = bank.model.C[min(k, len(bank.model.C) - 1)], bank.model.D[min(k, len(bank.model.D) - 1)]
+    R, inner = bank.model.R[min(k, len(bank.model.R) - 1)], work.of_filter
+    for o in range(len(measurement)):
+        outliers[o] = math.inf
+    for j in range(len(C)):
+        mean, P = posteriors.means[j], posteriors.covariances[j]
+        control = controls[min(j, len(controls) - 1)]
+        linear.output_error(C[j], D[j], measurement, control, mean, inner.scaled, inner)
+        for o in range(len(measurement)):
+            # S_oo = c P c' + R_oo
+            variance = posteriors.noise[o] if inner.rules.forgetting > 0.0 else R[j, o, o]
+            for a in range(len(mean)):
+                for b in range(len(mean)):
+                    variance += C[j, o, a] * P[a, b] * C[j, o, b]
+            deviations = inner.scaled[o] / math.sqrt(variance)
+            if not abs(deviations) >= abs(outliers[o]):
+                outliers[o] = deviations
+    for o in range(len(measurement)):
+        beyond = abs(outliers[o]) > bank.gate
+        work.taken[o] = math.nan if beyond else measurement[o]
+        if not beyond:
+            outliers[o] = 0.0
+
+
+# e_j = y - C_j x_j - D_j u,   S_j = C_j P_j C_j' + R_j,   x_j += K_j e_j
+# L_j = N(e_j; 0, S_j),   mu_j = L_j c_j / c,   c = sum_j L_j c_j
+@inlined_kernel
+def correct(
+    bank: Bank,
+    k: int,
+    function: Callable[..., None] | None,
+    measurement: Array,
+    controls: Array,
+    posteriors: Posteriors,
+    innovations: Array,
+    outliers: Array,
+    work: BankWork,
+) -> float:
+    """Measurement update of all filters and of the modes, (13) to (21).
+
+    Return the log-likelihood of the measurement, 0 if it is missing.
+    """
+    C, D = bank.model.C[min(k, len(bank.model.C) - 1)], bank.model.D[min(k, len(bank.model.D) - 1)]
+    R, log_likelihoods = bank.model.R[min(k, len(bank.model.R) - 1)], work.log_likelihoods
+    rules = work.of_filter.rules
+    weight = max(rules.forgetting, 1.0 / (posteriors.begun[0] + k + BEGUN))
+    if bank.gate < math.inf:
+        leave_out_outliers(bank, k, measurement, controls, posteriors, outliers, work)
+        measurement = work.taken
+    missing = linear.is_missing(measurement)
+    for j in range(len(C)):
+        if missing:
+            linear.fill(innovations[j], math.nan)
+            log_likelihoods[j] = 0.0
+        else:
+            log_likelihoods[j] = linear.correct(
+                C[j], D[j], R[j], posteriors.noise, weight, function, bank.parameters[j],
+                measurement,
+                controls[min(j, len(controls) - 1)], posteriors.means[j],
+                posteriors.covariances[j], posteriors.errors[j], innovations[j], work.of_filter,
+            )  # fmt: skip
+            linear.assign(work.changes[j], work.of_filter.change)
+    whole = update_probabilities(posteriors.log_probabilities, log_likelihoods)
+    if missing:
+        return 0.0
+    if rules.forgetting > 0.0:
+        # The change of R is the mean of those of the modes
+        for o in range(len(measurement)):
+            for j in range(len(C)):
+                share = math.exp(posteriors.log_probabilities[j])
+                posteriors.noise[o] += share * work.changes[j, o]
+    return whole
+
+
+# x = sum_j mu_j x_j,   P = sum_j mu_j (P_j + (x_j - x) (x_j - x)')
+@inlined_kernel
+def combine(posteriors: Posteriors, k: int, rows: BankRows, work: BankWork) -> bool:
+    """Write the estimates of row k, and return whether they are finite.
+
+    Gadsden et al. 2011, (22) and (23).
+    """
+    mean, covariance, probability = rows.state, rows.covariance, rows.probability
+    periods = work.of_filter.rules.state_periods
+    r, n = posteriors.means.shape
+    whole = rows.log_likelihood[k]
+    for j in range(r):
+        probability[k, j] = math.exp(posteriors.log_probabilities[j])
+        whole += probability[k, j]
+    for a in range(n):
+        mean[k, a] = average(probability[k], posteriors.means, a, periods[a])
+        for j in range(r):
+            work.apart[j, a] = shortest(posteriors.means[j, a] - mean[k, a], periods[a])
+    for a in range(n):
+        for b in range(a + 1):
+            total = 0.0
+            for j in range(r):
+                spread = posteriors.covariances[j, a, b] + work.apart[j, a] * work.apart[j, b]
+                total += probability[k, j] * spread
+            covariance[k, a, b] = covariance[k, b, a] = total
+        whole += mean[k, a] + covariance[k, a, a]
+    return math.isfinite(whole)
+
+
+@kernel
+def run_bank(
+    bank: Bank,
+    function: Callable[..., None] | None,
+    posteriors: Posteriors,
+    measurements: Array,
+    inputs: Array,
+    fresh: bool,
+    work: BankWork,
+    rows: BankRows,
+) -> int:
+    """Filter a record: fill the rows, move the posteriors, and return the number of good rows.
+
+    Gadsden et al. 2011, after (23).
+
+    ``inputs``, (k + 1, 1 or r, p), has a row more than the record: the input of the row before,
+    then that of each row; so have A, B and Q. ``fresh`` posteriors are meant at the first row,
+    which then corrects them as they stand; else they are meant a period before.
+    """
+    due = FIRST
+    for k in range(len(measurements)):
+        if k >= due:
+            due = poll(k)
+        if k > 0 or not fresh:
+            interact(bank.transition, bank.mixing, posteriors, work)
+            predict(bank.model, k, inputs[k], posteriors, work)
+        rows.log_likelihood[k] = correct(
+            bank, k, function, measurements[k], inputs[k + 1], posteriors, rows.innovation[k],
+            rows.outlier[min(k, len(rows.outlier) - 1)], work,
+        )  # fmt: skip
+        linear.assign(rows.noise_variance[min(k, len(rows.noise_variance) - 1)], posteriors.noise)
+        if not combine(posteriors, k, rows, work):
+            return k
+    return len(measurements)
+
+
+def run_one_by_one(
+    bank: IMM,
+    posteriors: Posteriors,
+    measurements: Array,
+    inputs: Array,
+    fresh: bool,
+    rows: BankRows,
+) -> tuple[int, str]:
+    """Fill the rows as `run_bank` does, and return the number of good ones and why it stopped."""
+    transition = for_loop(bank.transition)
+    work, gated = new_bank_work(posteriors, bank.mixing, bank._rules), bank.gate is not None
+    for k, y in enumerate(measurements):
+        moves = k > 0 or not fresh
+        if moves:
+            interact(transition, bank.mixing, posteriors, work)
+            posteriors.log_probabilities[:] = work.mixed.log_probabilities
+        parts = (work.mixed if moves else posteriors)[:3]
+        begun = [Gaussian(*(part[j].copy() for part in parts)) for j in range(len(bank.filters))]
+        try:
+            if moves:
+                pairs = zip(bank.filters, begun, strict=True)
+                begun = [mode.predict(posterior, inputs[k]) for mode, posterior in pairs]
+            corrections = _corrected(bank, begun, y, inputs[k + 1], rows.outlier[k * gated])
+        except DivergenceError as error:
+            return k, error.finding
+        for j, after in enumerate(corrections):
+            posteriors.means[j] = after.posterior.mean
+            posteriors.errors[j] = after.posterior.error
+            posteriors.covariances[j] = after.posterior.covariance
+            rows.innovation[k, j] = after.innovation
+            work.log_likelihoods[j] = after.log_likelihood
+        whole = update_probabilities(posteriors.log_probabilities, work.log_likelihoods)
+        rows.log_likelihood[k] = 0.0 if np.isnan(y).all() else whole
+        combine(posteriors, k, rows, work)
+        if not all(np.isfinite(part[k]).all() for part in rows[:3]):
+            return k, ""
+    return len(measurements), ""
+
+
+def _corrected(
+    bank: IMM, begun: Sequence[Gaussian], y: Array, u: Array, outliers: Array
+) -> list[Correction]:
+    """The corrections of all filters, without what is beyond the gates of all of them."""
+    pairs = list(zip(bank.filters, begun, strict=True))
+    corrections = [mode.correct(posterior, y, u) for mode, posterior in pairs]
+    if bank.gate is None:
+        return corrections
+    deviations = np.array(
+        [each.innovation / np.sqrt(np.diag(each.innovation_covariance)) for each in corrections]
+    )
+    least = deviations[np.argmin(np.abs(deviations), axis=0), np.arange(len(y))]
+    beyond = np.abs(least) > bank.gate
+    outliers[:] = np.where(beyond, least, 0.0)
+    if not beyond.any():
+        return corrections
+    taken = np.where(beyond, np.nan, y)
+    return [mode.correct(posterior, taken, u) for mode, posterior in pairs]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

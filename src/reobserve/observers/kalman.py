@@ -5,27 +5,832 @@ The compiled loop is `reobserve.observers.linear_loop.run_linear`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from functools import partial
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numba import types
+from numpy.typing import ArrayLike, NDArray
 
+from reobserve.core.direct_call import call
 from reobserve.core.errors import InputError
-from reobserve.observers.correlated_noise import TakenOut, uncorrelated
-from reobserve.observers.gain import Gain
+from reobserve.core.interrupts import FIRST, poll
+from reobserve.core.kernel import FunctionPointer, inlined_kernel, kernel
+from reobserve.core.loop_function import GuardedPointer
 from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, side_by_side
-from reobserve.observers.linear_loop import (
-    CAUSES,
-    predict_linear,
-    run_linear,
+from reobserve.observers.gaussian_state import (
+    REMEDY,
+    FilterPosteriors,
+    FilterRows,
+    FilterSteps,
+    InRecord,
+    PredictedRows,
+    Rules,
+    TakenOut,
+    as_held,
+    side_by_side,
 )
-from reobserve.observers.linear_steps import new_linear_work
-from reobserve.systems.linear import LinearModel, ModelRows
+from reobserve.systems.linear import LinearModel, ModelRows, as_matrices
 
 Array = NDArray[np.float64]
+
+_TALL, _FLAT = (types.Array(types.float64, size, "C") for size in (2, 1))
+_SIGNATURE = types.void(_TALL, _TALL, _FLAT, _FLAT, _FLAT, _TALL)
+
+own_gain_function = partial(FunctionPointer, _SIGNATURE)
+"""As `gain_function`, for functions of the library, which raise nothing and change nothing."""
+
+
+def _shaped(cross: Array, factor: Array, innovation: Array, *others: Array) -> tuple[Array, ...]:
+    m = len(innovation)
+    *vectors, gain = others
+    return cross.reshape(-1, m), factor.reshape(m, m), innovation, *vectors, gain.reshape(-1, m)
+
+
+def gain_function(function: Callable[..., None]) -> FunctionPointer:
+    """Make a gain function of ``function(cross, factor, innovation, error, parameters, gain)``.
+
+    It writes the gain K, shape (n, m), to its last argument. ``cross`` is P C', shape (n, m), of
+    the predicted covariance, ``factor`` the lower Cholesky factor of the innovation's covariance,
+    shape (m, m), ``innovation`` e(k+1|k) and ``error`` the filter's own a posteriori output error
+    e(k|k), both of shape (m,), and ``parameters`` what the filter put there. What it raises is
+    raised after the loop.
+    """
+    return GuardedPointer(_SIGNATURE, function, _shaped)
+
+
+class Gain(NamedTuple):
+    """A gain function and its parameters, or None for Kalman's, which the loops have built in."""
+
+    function: Any
+    parameters: Array
+
+
+@inlined_kernel
+def shortest(difference: float, period: float) -> float:
+    """A difference of angles the shortest way round, as it is where the period is 0."""
+    if period > 0.0:
+        return difference - period * math.floor(difference / period + 0.5)
+    return difference
+
+
+@inlined_kernel
+def wrap_states(mean: Array, work: Any) -> None:
+    """Move angles among the states to within half a period around zero."""
+    for a in range(len(work.states)):
+        mean[a] = shortest(mean[a], work.rules.state_periods[a])
+
+
+@inlined_kernel
+def noise_of_row(R: Array, variances: Array, work: Any) -> None:
+    """Write R as it is used at a row to ``work.noise``: with the estimated variances, if any.
+
+    Correlations are those of R.
+    """
+    noise, estimated = work.noise, work.rules.forgetting > 0.0
+    for o in range(len(work.outputs)):
+        work.outlier[o] = 0.0
+        for q in range(len(work.outputs)):
+            noise[o, q] = R[o, q]
+            if estimated and o == q:
+                noise[o, q] = variances[o]
+            elif estimated:
+                noise[o, q] *= math.sqrt(variances[o] / R[o, o] * (variances[q] / R[q, q]))
+
+
+@inlined_kernel
+def gate(innovation: Array, work: Any) -> None:
+    """Leave out innovations beyond the gate, or inflate their variance so that they are on it.
+
+    ``work.factor`` is the lower half of S, whose diagonal and that of R are inflated.
+    """
+    factor, gate = work.factor, work.rules.gate
+    if gate == math.inf:
+        return
+    for o in range(len(work.outputs)):
+        # |e_o| > gate sqrt(S_oo)
+        deviations = innovation[o] / math.sqrt(factor[o, o])
+        if abs(deviations) > gate:
+            work.outlier[o] = deviations
+            if work.rules.inflates:
+                # R_oo = R_oo + e_o^2 / gate^2 - S_oo
+                wider = (innovation[o] / gate) ** 2
+                work.noise[o, o] += wider - factor[o, o]
+                factor[o, o] = wider
+            else:
+                innovation[o] = math.nan
+
+
+@inlined_kernel
+def learn_noise(innovation: Array, weight: float, work: Any) -> None:
+    """Write to ``work.change`` what a row changes of the variances of R, with its weight g.
+
+    The expectation of v v' after the measurement, whose mean is R S^-1 e and whose covariance is
+    R - R S^-1 R: a step of expectation maximisation (Shumway & Stoffer 1982) that forgets.
+    """
+    # R = R + g diag(R S^-1 (e e' - S) S^-1 R)
+    m, column, factor = len(work.outputs), work.column, work.factor
+    for o in range(m):
+        work.change[o] = 0.0
+        if math.isnan(innovation[o]) or work.outlier[o] != 0.0:
+            continue
+        mean, spread = 0.0, 0.0
+        for q in range(m):
+            # L w = R_o
+            total = 0.0 if math.isnan(innovation[q]) else work.noise[q, o]
+            for i in range(q):
+                total -= factor[q, i] * column[i]
+            column[q] = total / factor[q, q]
+            mean += column[q] * work.scaled[q]
+            spread += column[q] * column[q]
+        work.change[o] = weight * (mean * mean - spread)
+
+
+_MARGIN = 64  # numbers, 512 bytes: more than processors fetch at once
+
+# Less of an output's variance is rounding, which moves estimates by over 1 % of their deviation.
+ROUNDED = 32 * float(np.finfo(float).eps)
+
+# S / R of a measurement above which a negative variance of the state is an error. Where it is
+# smaller, the true variance is zero. In drawn plants S / R was 1e14 or more where a vague start had
+# lost all digits, and 1e2 or less where a state was known.
+VAGUE = 1e12
+
+# Sizes up to this have loops of their own, 1.2 to 2.4 times as fast as those of all sizes, at the
+# price of a second or two of compilation each: `benchmarks.kalman`. Five states are what the
+# hydraulic actuator's banks have: their longest study takes a third less time.
+UNROLLED = 5
+
+HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
+
+
+class LinearWork(NamedTuple):
+    """Scratch: products of shapes (n, n), (n,), (n, m), (n, m), (m,), and the factor of S, (m, m).
+
+    ``noise``, (m, m), is R as it is used at a row, ``outlier``, (m,), the innovations beyond the
+    gate in deviations, ``change``, (m,), what the row says of the variances of R, and ``column``,
+    (m,), a column. ``states`` and ``outputs`` have the lengths n and m: tuples up to `UNROLLED`,
+    whose lengths the compiler knows, and arrays beyond.
+    """
+
+    square: Array
+    moved: Array
+    cross: Array
+    gain: Array
+    scaled: Array
+    factor: Array
+    noise: Array
+    outlier: Array
+    change: Array
+    column: Array
+    states: Any
+    outputs: Any
+    rules: Rules
+
+
+def new_linear_work(states: int, outputs: int, rules: Rules | None = None) -> LinearWork:
+    """Scratch for one filter, without periods and gate if no rules are given.
+
+    It is made in Python: to compile the allocation of arrays takes seconds. A margin keeps what
+    threads write apart, so that they do not wait for each other's memory.
+    """
+    n, m = states, outputs
+    shapes = (n, n), (n,), (n, m), (n, m), (m,), (m, m), (m, m), (m,), (m,), (m,)
+    small = max(n, m) <= UNROLLED
+    sizes = ((0,) * n, (0,) * m) if small else (np.empty(n), np.empty(m))
+    plain = rules or Rules(np.zeros(n), np.zeros(m), math.inf, False, 0.0)
+    return LinearWork(*blocks(shapes), *sizes, plain)  # type: ignore[call-arg, arg-type]
+
+
+def blocks(shapes: Sequence[tuple[int, ...]]) -> Iterator[Array]:
+    """Arrays of these shapes in one piece of memory, with a margin on both sides."""
+    sizes = [math.prod(shape) for shape in shapes]
+    whole, end = np.empty(sum(sizes) + 2 * _MARGIN), _MARGIN
+    for shape, size in zip(shapes, sizes, strict=True):
+        yield whole[end : end + size].reshape(shape)
+        end += size
+
+
+@inlined_kernel
+def fill(target: Array, value: float) -> None:
+    """Fill a vector with one value, as to assign to a slice takes the compiler seconds."""
+    for i in range(len(target)):
+        target[i] = value
+
+
+@inlined_kernel
+def assign(target: Array, source: Array) -> None:
+    """A copy of a vector, as `fill`."""
+    for i in range(len(target)):
+        target[i] = source[i]
+
+
+@inlined_kernel
+def assign_matrix(target: Array, source: Array) -> None:
+    """A copy of a matrix, as `fill`."""
+    for i in range(len(target)):
+        assign(target[i], source[i])
+
+
+@inlined_kernel
+def predict(
+    A: Array,
+    B: Array,
+    Q: Array,
+    control: Array,
+    mean: Array,
+    covariance: Array,
+    next_mean: Array,
+    next_covariance: Array,
+    work: LinearWork,
+) -> None:
+    """Time update, in which what is read and what is written may be the same arrays.
+
+    Gadsden et al. 2011, (1), (11) and (12).
+    """
+    n = len(work.states)
+    square, moved = work.square, work.moved
+    # x = A x + B u
+    for a in range(n):
+        total = 0.0
+        for p in range(len(control)):
+            total += B[a, p] * control[p]
+        for b in range(n):
+            total += A[a, b] * mean[b]
+        moved[a] = total
+    # P = (A P) A' + Q
+    for a in range(n):
+        next_mean[a] = shortest(moved[a], work.rules.state_periods[a])
+        for b in range(n):
+            total = 0.0
+            for i in range(n):
+                total += A[a, i] * covariance[i, b]
+            square[a, b] = total
+    for a in range(n):
+        for b in range(a + 1):
+            total = Q[a, b]
+            for i in range(n):
+                total += square[a, i] * A[b, i]
+            next_covariance[a, b] = total
+            next_covariance[b, a] = total
+    clip_variances(next_covariance, work)
+
+
+@inlined_kernel
+def output_error(
+    C: Array, D: Array, measurement: Array, control: Array, mean: Array, error: Array,
+    work: LinearWork,
+) -> None:  # fmt: skip
+    """Write the measurement minus what ``mean`` predicts.
+
+    Gadsden et al. 2011, (2), (3), (6), (14) and (18).
+    """
+    # e = y - D u - C x
+    for o in range(len(work.outputs)):
+        total = measurement[o]
+        for p in range(D.shape[1]):
+            total -= D[o, p] * control[p]
+        for a in range(len(work.states)):
+            total -= C[o, a] * mean[a]
+        error[o] = shortest(total, work.rules.output_periods[o])
+
+
+@inlined_kernel
+def leave_out(o: int, factor: Array, work: LinearWork) -> None:
+    """Write a one of its own for an output into the factor of S."""
+    for q in range(len(work.outputs)):
+        factor[o, q] = factor[q, o] = 0.0
+    factor[o, o], work.scaled[o] = 1.0, 0.0
+
+
+@inlined_kernel
+def factor_innovation(innovation: Array, factor: Array, work: LinearWork) -> float:
+    """Replace S, the lower triangle of ``factor``, by its factor L, and return the log-likelihood.
+
+    It is nan if S is not positive definite by more than rounding. A missing output, of which the
+    innovation is nan, gets a row with a one on the diagonal, and adds nothing to the likelihood.
+    """
+    m, scaled = len(work.outputs), work.scaled
+    log_root, distance, taken = 0.0, 0.0, m
+    for o in range(m):
+        if math.isnan(innovation[o]):
+            leave_out(o, factor, work)
+            taken -= 1
+            continue
+        # L L' = S, row by row
+        for q in range(o + 1):
+            if math.isnan(innovation[q]):
+                factor[o, q] = factor[q, o] = 0.0
+                continue
+            total = factor[o, q]
+            for i in range(q):
+                total -= factor[o, i] * factor[q, i]
+            if o == q:
+                factor[o, o] = math.sqrt(total) if total > ROUNDED * factor[o, o] else math.nan
+            else:
+                factor[o, q] = total / factor[q, q]
+                factor[q, o] = 0.0
+        # L s = e, of which the squares add up to e' S^-1 e
+        total = innovation[o]
+        for i in range(o):
+            total -= factor[o, i] * scaled[i]
+        scaled[o] = total / factor[o, o]
+        distance += scaled[o] * scaled[o]
+        log_root += math.log(factor[o, o])
+    return -0.5 * distance - log_root - taken * HALF_LOG_TWO_PI
+
+
+@inlined_kernel
+def log_likelihood_of(C: Array, covariance: Array, innovation: Array, work: LinearWork) -> float:
+    """Write P C' and the Cholesky factor of S, and return the log-likelihood.
+
+    Gadsden et al. 2011, (13) and (19).
+
+    It is nan if S is not positive definite. A missing output, of which the innovation is nan, has
+    a one of its own in S, which tells nothing and leaves the others alone.
+    """
+    n, m = len(work.states), len(work.outputs)
+    cross, factor = work.cross, work.factor
+    # P C'
+    for a in range(n):
+        for o in range(m):
+            total = 0.0
+            for b in range(n):
+                total += covariance[a, b] * C[o, b]
+            cross[a, o] = total
+    # S = C (P C') + R
+    for o in range(m):
+        for q in range(o + 1):
+            total = work.noise[o, q]
+            for a in range(n):
+                total += C[o, a] * cross[a, q]
+            factor[o, q] = total
+    gate(innovation, work)
+    return factor_innovation(innovation, factor, work)
+
+
+@inlined_kernel
+def kalman_gain(work: LinearWork) -> None:
+    """Solve K S = P C' by the Cholesky factor L of S."""
+    cross, gain, factor = work.cross, work.gain, work.factor
+    n, m = len(work.states), len(work.outputs)
+    for a in range(n):
+        # (K L) L' = P C'
+        for o in range(m):
+            total = cross[a, o]
+            for i in range(o):
+                total -= factor[o, i] * gain[a, i]
+            gain[a, o] = total / factor[o, o]
+        # K L = (K L)
+        for back in range(m):
+            o = m - 1 - back
+            total = gain[a, o]
+            for i in range(o + 1, m):
+                total -= factor[i, o] * gain[a, i]
+            gain[a, o] = total / factor[o, o]
+
+
+@inlined_kernel
+def correct_mean(mean: Array, innovation: Array, work: LinearWork) -> None:
+    """Correct the mean, with zeros in the columns of K that belong to missing outputs."""
+    # x = x + K e
+    gain = work.gain
+    for a in range(len(work.states)):
+        for o in range(len(work.outputs)):
+            if math.isnan(innovation[o]):
+                gain[a, o] = 0.0
+            else:
+                mean[a] += gain[a, o] * innovation[o]
+    wrap_states(mean, work)
+
+
+@inlined_kernel
+def correct_covariance(C: Array, covariance: Array, work: LinearWork) -> None:
+    """Correct the covariance in Joseph's form, which holds for any gain.
+
+    Gadsden et al. 2011, (17).
+
+    M = I - K C itself is never formed, which saves two products of square matrices.
+    """
+    cross, gain, square, R = work.cross, work.gain, work.square, work.noise
+    n, m = len(work.states), len(work.outputs)
+    # T = M P = P - K (P C')'
+    for a in range(n):
+        for b in range(n):
+            total = covariance[a, b]
+            for o in range(m):
+                total -= gain[a, o] * cross[b, o]
+            square[a, b] = total
+    # P = M P M' + K R K' = T - (T C' - K R) K'
+    for a in range(n):
+        for o in range(m):
+            total = 0.0
+            for b in range(n):
+                total += square[a, b] * C[o, b]
+            for q in range(m):
+                total -= gain[a, q] * R[q, o]
+            cross[a, o] = total
+    for a in range(n):
+        for b in range(a + 1):
+            total = square[a, b]
+            for o in range(m):
+                total -= cross[a, o] * gain[b, o]
+            covariance[a, b] = total
+            covariance[b, a] = total
+
+
+@inlined_kernel
+def correct(
+    C: Array,
+    D: Array,
+    R: Array,
+    variances: Array,
+    weight: float,
+    function: Callable[..., None] | None,
+    parameters: Array,
+    measurement: Array,
+    control: Array,
+    mean: Array,
+    covariance: Array,
+    error: Array,
+    innovation: Array,
+    work: LinearWork,
+) -> float:
+    """Correct in place by the measurement, and return the log-likelihood.
+
+    Gadsden et al. 2011, (5) and (16).
+
+    No function means the Kalman gain, which is compiled into the loop.
+
+    ``innovation`` is written, e(k+1|k), and so are the gain and the lower Cholesky factor of S in
+    ``work``. Outputs that are missing, nan, correct nothing; the others correct as if these alone
+    were measured. ``variances`` of R and the ``weight`` of this row are read where R is estimated;
+    what the row says of them is left in ``work.change``.
+    """
+    # e = y - C x - D u, S = C P C' + R
+    output_error(C, D, measurement, control, mean, innovation, work)
+    noise_of_row(R, variances, work)
+    log_likelihood = log_likelihood_of(C, covariance, innovation, work)
+    if work.rules.forgetting > 0.0:
+        learn_noise(innovation, weight, work)
+    # K = P C' S^-1, or another gain
+    if function is None:
+        kalman_gain(work)
+    else:
+        call(function, (work.cross, work.factor, innovation, error, parameters, work.gain))
+    # x = x + K e, P = (I - K C) P (I - K C)' + K R K'
+    correct_mean(mean, innovation, work)
+    correct_covariance(C, covariance, work)
+    if below_zero(covariance, work):
+        if is_vague(innovation, work):
+            return math.nan
+        clip_variances(covariance, work)
+    # e(k|k) = y - C x - D u
+    output_error(C, D, measurement, control, mean, work.scaled, work)
+    for o in range(len(work.outputs)):
+        if not math.isnan(innovation[o]):
+            error[o] = work.scaled[o]
+    return log_likelihood
+
+
+@inlined_kernel
+def clip_variances(covariance: Array, work: LinearWork) -> None:
+    """Set negative variances to zero: the true ones are zero to rounding.
+
+    The position of an oscillator is known, say, each time its velocity alone is uncertain.
+    """
+    for a in range(len(work.states)):
+        if covariance[a, a] < 0.0:  # noqa: PLR1730  # nan stays
+            covariance[a, a] = 0.0
+
+
+@inlined_kernel
+def is_vague(innovation: Array, work: LinearWork) -> bool:
+    """True if a measurement was so much more precise than predicted that rounding decides."""
+    vague = False
+    for o in range(len(work.outputs)):
+        total = 0.0
+        for q in range(o + 1):
+            total += work.factor[o, q] * work.factor[o, q]
+        vague = vague or (not math.isnan(innovation[o]) and total > VAGUE * work.noise[o, o])
+    return vague
+
+
+@inlined_kernel
+def below_zero(covariance: Array, work: LinearWork) -> bool:
+    """True if a variance is negative."""
+    negative = False
+    for a in range(len(work.states)):
+        negative = negative or covariance[a, a] < 0.0
+    return negative
+
+
+@inlined_kernel
+def is_missing(measurement: Array) -> bool:
+    """True if a sample was not taken: none of its measurements is there."""
+    taken = False
+    for value in measurement:
+        taken = taken or not math.isnan(value)
+    return not taken
+
+
+@inlined_kernel
+def write_innovation_covariance(innovation: Array, out: Array, work: LinearWork) -> None:
+    """Write S, nan where an output is missing."""
+    # S = L L'
+    m, factor = len(work.outputs), work.factor
+    for o in range(m):
+        for q in range(o + 1):
+            total = 0.0
+            for i in range(q + 1):
+                total += factor[o, i] * factor[q, i]
+            if math.isnan(innovation[o]) or math.isnan(innovation[q]):
+                total = math.nan
+            out[o, q] = out[q, o] = total
+
+
+_ROUNDING = 1e-10  # of a correlation: how far below zero an eigenvalue may be
+
+
+def uncorrelated(
+    matrices: Mapping[str, Array], S: ArrayLike | None, y: Array, inputs: Array,
+    before: Sequence[Array], open_end: bool,
+) -> tuple[dict[str, Array], TakenOut]:  # fmt: skip
+    """A model without S, and what is taken out of it, (k + 1, ...).
+
+    Parameters
+    ----------
+    matrices
+        Matrices by name, as `reobserve.systems.linear.LinearModel.by_row` finds them.
+    S
+        Shape (n, m), or (k, n, m). That of a row drives the step to the next one. None if the noise
+        of this record is not correlated.
+    y
+        Measurements, shape (k, m); nan where one is missing.
+    inputs
+        That of the row before the record, then that of each row, shape (k + 1, p).
+    before
+        The last of what was taken out of the record before; empty if nothing was.
+    open_end
+        Whether the step from the last row is not known yet.
+
+    Raises
+    ------
+    InputError
+        If S has another shape, or is more than Q and R allow.
+    """
+    rows, n, m = len(y), matrices["A"].shape[1], y.shape[1]
+    transition, noise = np.zeros((2, rows + 1, n, n))
+    taken = TakenOut(transition, noise, np.zeros((rows + 1, n)))
+    every = np.arange(rows + 1)
+    A, Q = (matrices[name][np.minimum(every, len(matrices[name]) - 1)] for name in "AQ")
+    for part, first in zip(taken, before, strict=False):
+        part[0] = first
+    if len(before):
+        # In units of the noise, so that what is allowed does not depend on those of the states.
+        sizes = np.sqrt(Q[0].diagonal())
+        sizes[sizes == 0.0] = 1.0
+        left = (Q[0] - taken.noise[0]) / np.outer(sizes, sizes)
+        if np.linalg.eigvalsh(left)[0] < -_ROUNDING:
+            raise InputError("S", "of the row before is more than Q of this step and R allow")
+    if S is not None:
+        crosses = as_matrices("S", S, (n, m), rows)
+        _check(Q[1 : rows + (not open_end)], matrices["R"], crosses)
+        model = ModelRows(*(np.ascontiguousarray(matrices[name]) for name in ModelRows._fields))
+        _take_out(
+            model, crosses, y, np.ascontiguousarray(inputs), taken, np.empty(m),
+            new_linear_work(n, m),
+        )  # fmt: skip
+    return {**matrices, "A": A - taken.transition, "Q": Q - taken.noise}, taken
+
+
+def _check(Q: Array, R: Array, S: Array) -> None:
+    """Refuse an S for which noise of this Q and R cannot exist."""
+    count, n = len(Q), S.shape[1]
+    joint = np.zeros((count, n + S.shape[2], n + S.shape[2]))
+    joint[:, :n, :n], joint[:, n:, n:] = Q, R[:count]
+    joint[:, :n, n:], joint[:, n:, :n] = S[:count], S[:count].transpose(0, 2, 1)
+    sizes = np.sqrt(joint.diagonal(axis1=1, axis2=2))
+    sizes[sizes == 0.0] = 1.0
+    low = np.linalg.eigvalsh(joint / (sizes[:, :, None] * sizes[:, None, :]))[:, 0]
+    if count and low.min() < -_ROUNDING:
+        place = f"row {int(np.argmin(low))}" if count > 1 else "it"
+        problem = f"is more than Q and R allow: with {place} [[Q, S], [S', R]] is no covariance"
+        raise InputError("S", problem)
+
+
+@kernel
+def _take_out(
+    model: ModelRows, S: Array, y: Array, inputs: Array, taken: TakenOut, left: Array,
+    work: LinearWork,
+) -> None:  # fmt: skip
+    """Write J C, J S' and J (y - D u) of the step from each row to the next one."""
+    n, m = S.shape[1], S.shape[2]
+    cross, gain, factor = work.cross, work.gain, work.factor
+    for k in range(len(y)):
+        C, D = model.C[min(k, len(model.C) - 1)], model.D[min(k, len(model.D) - 1)]
+        R, both = model.R[min(k, len(model.R) - 1)], S[min(k, len(S) - 1)]
+        # y - D u
+        for o in range(m):
+            left[o] = y[k, o]
+            for p in range(D.shape[1]):
+                left[o] -= D[o, p] * inputs[k + 1, p]
+            for q in range(m):
+                factor[o, q] = R[o, q]
+        # J = S R^-1
+        factor_innovation(left, factor, work)
+        for a in range(n):
+            for o in range(m):
+                cross[a, o] = 0.0 if math.isnan(left[o]) else both[a, o]
+        kalman_gain(work)
+        for a in range(n):
+            for o in range(m):
+                if not math.isnan(left[o]):
+                    taken.known[k + 1, a] += gain[a, o] * left[o]
+            for b in range(n):
+                total, spread = 0.0, 0.0
+                for o in range(m):
+                    total += gain[a, o] * C[o, b]
+                    spread += gain[a, o] * cross[b, o]
+                taken.transition[k + 1, a, b] = total
+                if b <= a:
+                    taken.noise[k + 1, a, b] = taken.noise[k + 1, b, a] = spread
+
+
+BEGUN = 20.0  # rows that the R of the model counts as, where it is estimated
+
+# Why a filter stopped, and what is said of it.
+NO_INNOVATION = 3
+NO_INNOVATION_CAUSE = (
+    "the covariance of the next innovation is not finite and positive definite, as it is to "
+    "rounding if measurements of the same are too precise beside their prediction"
+)
+
+NEGATIVE = 6
+NEGATIVE_CAUSE = f"rounding makes a variance of the state negative at the next sample; {REMEDY}"
+CAUSES = {NO_INNOVATION: NO_INNOVATION_CAUSE, NEGATIVE: NEGATIVE_CAUSE}
+
+
+@inlined_kernel
+def keep_prediction(mean: Array, covariance: Array, kept: PredictedRows, r: int, k: int) -> None:
+    """Write the predicted mean and covariance of a row, and no gain yet."""
+    for a in range(len(mean)):
+        kept.predicted_state[r, k, a] = mean[a]
+        for b in range(len(mean)):
+            kept.predicted_covariance[r, k, a, b] = covariance[a, b]
+        for o in range(kept.gain.shape[3]):
+            kept.gain[r, k, a, o] = 0.0
+
+
+@inlined_kernel
+def keep_row(
+    mean: Array, covariance: Array, innovation: Array, work: LinearWork, rows: FilterRows,
+    r: int, k: int,
+) -> float:  # fmt: skip
+    """Write the posterior of a row and S, and return a sum that is finite if all of it is."""
+    write_innovation_covariance(innovation, rows.innovation_covariance[r, k], work)
+    total: float = rows.log_likelihood[r, k]
+    n = len(work.states)
+    for o in range(len(work.outputs)):
+        rows.outlier[r, min(k, rows.outlier.shape[1] - 1), o] = work.outlier[o]
+    for a in range(n):
+        rows.state[r, k, a] = mean[a]
+        for b in range(n):
+            rows.covariance[r, k, a, b] = covariance[a, b]
+        total += mean[a] + covariance[a, a]
+    return total
+
+
+@inlined_kernel
+def weight_of_row(posteriors: FilterPosteriors, r: int, k: int, forgetting: float) -> float:
+    """The weight of row k in the variances of R: at first that of a mean with `BEGUN` rows more."""
+    return max(forgetting, 1.0 / (float(posteriors.counts[r]) + k + BEGUN))
+
+
+@inlined_kernel
+def keep_noise(
+    posteriors: FilterPosteriors, taken: bool, rows: FilterRows, r: int, k: int, work: LinearWork
+) -> None:
+    """Change the variances of R by a row, if it was taken, and write them."""
+    if work.rules.forgetting == 0.0:
+        return
+    noise = posteriors.noises[r]
+    for o in range(len(noise)):
+        if taken:
+            noise[o] += work.change[o]
+        rows.noise_variance[r, k, o] = noise[o]
+
+
+@kernel
+def run_linear(
+    model: ModelRows,
+    gain: Gain,
+    measurements: Array,
+    inputs: Array,
+    fresh: bool,
+    posteriors: FilterPosteriors,
+    rows: FilterRows,
+    kept: PredictedRows | None,
+    work: LinearWork,
+    ends: NDArray[np.int64],
+) -> None:
+    """Filter records: fill the rows, move the posteriors, count good rows.
+
+    ``inputs`` has a row more than a record: the input of the row before, then that of each row; so
+    have A, B and Q of the model. The last row of each matrix holds for all later ones. A ``fresh``
+    posterior is meant at the first row, which then corrects it as it stands; else it is meant a
+    period before. ``ends`` become the numbers of good rows and why the loop stopped, (records, 2).
+    """
+    count, due = measurements.shape[1], FIRST
+    for r in range(len(measurements)):
+        ends[r, 0] = ends[r, 1] = first = 0
+        while first < count and ends[r, 0] == first:
+            if r * count + first >= due:
+                due = poll(r * count + first)
+            last = min(count, due - r * count)
+            _run_rows(
+                model, gain, measurements, inputs, fresh, posteriors, rows, kept, work, ends, r,
+                first, last,
+            )  # fmt: skip
+            first = last
+
+
+@inlined_kernel
+def _run_rows(
+    model: ModelRows, gain: Gain, measurements: Array, inputs: Array, fresh: bool,
+    posteriors: FilterPosteriors, rows: FilterRows, kept: PredictedRows | None, work: LinearWork,
+    ends: NDArray[np.int64], r: int, first: int, last: int,
+) -> None:  # fmt: skip
+    """Filter the rows of a record from ``first`` to before ``last``."""
+    A, B, C, D, Q, R = model
+    mean, covariance, error = posteriors.means[r], posteriors.covariances[r], posteriors.errors[r]
+    for k in range(first, last):
+        y, innovation = measurements[r, k], rows.innovation[r, k]
+        # x = A x + B u, P = A P A' + Q
+        if k > 0 or not fresh:
+            predict(
+                A[min(k, len(A) - 1)], B[min(k, len(B) - 1)], Q[min(k, len(Q) - 1)],
+                inputs[r, k], mean, covariance, mean, covariance, work,
+            )  # fmt: skip
+        if kept is not None:
+            keep_prediction(mean, covariance, kept, r, k)
+        missing = is_missing(y)
+        if missing:
+            fill(innovation, math.nan)
+            fill(work.outlier, 0.0)
+            rows.log_likelihood[r, k] = 0.0
+        else:
+            # x = x + K e, P = (I - K C) P (I - K C)' + K R K'
+            rows.log_likelihood[r, k] = correct(
+                C[min(k, len(C) - 1)], D[min(k, len(D) - 1)], R[min(k, len(R) - 1)],
+                posteriors.noises[r], weight_of_row(posteriors, r, k, work.rules.forgetting),
+                gain.function, gain.parameters, y, inputs[r, k + 1], mean, covariance, error,
+                innovation, work,
+            )  # fmt: skip
+            if math.isnan(rows.log_likelihood[r, k]):
+                ends[r, 1] = NEGATIVE if below_zero(covariance, work) else NO_INNOVATION
+            if kept is not None:
+                assign_matrix(kept.gain[r, k], work.gain)
+        keep_noise(posteriors, not missing, rows, r, k, work)
+        if not math.isfinite(keep_row(mean, covariance, innovation, work, rows, r, k)):
+            break
+        ends[r, 0] = k + 1
+
+
+@kernel
+def predict_linear(
+    model: ModelRows, gain: Gain, inputs: Array, means: Array, covariances: Array,
+    next_means: Array, next_covariances: Array, crosses: Array, work: LinearWork,
+) -> int:  # fmt: skip
+    """Predict from each row to the next one, and return how many rows could be.
+
+    ``crosses`` become the cross-covariances of x(k) and x(k+1), shape (k, n, n).
+    """
+    n = next_means.shape[1]
+    due = FIRST
+    for k in range(len(next_means)):
+        if k >= due:
+            due = poll(k)
+        # x = A x + B u, P = A P A' + Q
+        A = model.A[min(k + 1, len(model.A) - 1)]
+        B, Q = model.B[min(k + 1, len(model.B) - 1)], model.Q[min(k + 1, len(model.Q) - 1)]
+        predict(
+            A, B, Q, inputs[k + 1], means[k], covariances[k], next_means[k], next_covariances[k],
+            work,
+        )  # fmt: skip
+        # cov(x(k), x(k+1)) = P A' = (A P)'
+        total = 0.0
+        for a in range(n):
+            total += next_means[k, a] + next_covariances[k, a, a]
+            for b in range(n):
+                crosses[k, a, b] = work.square[b, a]
+        if not math.isfinite(total):
+            return k
+    return len(next_means)
+
 
 KALMAN = Gain(None, np.empty(0))
 TAKES = ("A", "B", "C", "D", "Q", "R", "keep")

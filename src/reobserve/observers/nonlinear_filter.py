@@ -2,29 +2,608 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.covariances import as_covariances
+from reobserve.core.direct_call import call
 from reobserve.core.errors import InputError
+from reobserve.core.interrupts import FIRST, poll
+from reobserve.core.kernel import inlined_kernel, kernel
+from reobserve.core.matrices import as_positive, as_scalar
 from reobserve.core.value import for_loop
-from reobserve.observers import linear_loop
-from reobserve.observers.gaussian_state import FilterSteps, InRecord, as_held, side_by_side
-from reobserve.observers.nonlinear_filter_work import (
-    NO_OUTPUT,
-    NO_POSTERIOR,
-    NO_ROOT,
-    NO_STATE,
-    new_filter_work,
+from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_state import (
+    FilterPosteriors,
+    FilterRows,
+    FilterSteps,
+    InRecord,
+    PredictedRows,
+    Rules,
+    as_held,
+    side_by_side,
 )
-from reobserve.observers.nonlinear_steps import predict_nonlinear, run_nonlinear
+from reobserve.observers.kalman import CAUSES as LINEAR_CAUSES
+from reobserve.observers.kalman import (
+    NEGATIVE,
+    NO_INNOVATION,
+    LinearWork,
+    assign,
+    assign_matrix,
+    below_zero,
+    blocks,
+    clip_variances,
+    correct_covariance,
+    correct_mean,
+    factor_innovation,
+    fill,
+    gate,
+    is_missing,
+    is_vague,
+    kalman_gain,
+    keep_noise,
+    keep_prediction,
+    keep_row,
+    learn_noise,
+    log_likelihood_of,
+    new_linear_work,
+    noise_of_row,
+    shortest,
+    weight_of_row,
+)
 from reobserve.systems.nonlinear import NonlinearModel
-from reobserve.systems.nonlinear_flow import NonlinearRows
+from reobserve.systems.nonlinear_flow import (
+    FlowWork,
+    Functions,
+    NonlinearRows,
+    jacobian,
+    move,
+    move_and_derive,
+    new_flow_work,
+    write_sizes,
+)
 
 Array = NDArray[np.float64]
+
+# Why a filter stopped, see `nonlinear_filter.CAUSES`.
+NO_STATE, NO_OUTPUT, NO_ROOT, NO_POSTERIOR = 1, 2, 4, 5  # beside NO_INNOVATION, 3
+
+
+class FilterWork(NamedTuple):
+    """Scratch of the linear steps and of the model, sigma points and what becomes of them.
+
+    ``no_noise``, (n, n), is zero. ``before`` is cov(x, x') of a row and of a part of the gap after
+    it.
+    """
+
+    linear: LinearWork
+    flow: FlowWork
+    moved: Array
+    root: Array
+    points: Array
+    images: Array
+    cross: Array
+    before: Array
+    no_noise: Array
+    cause: NDArray[np.int64]
+
+
+def new_filter_work(states: int, outputs: int, rules: Rules | None = None) -> FilterWork:
+    """Scratch for the steps of a filter."""
+    n, m, most = states, outputs, max(states, outputs)
+    shapes = (n,), (n, n), (2 * n + 1, n), (2 * n + 1, most), *((n, n),) * 3
+    moved, root, points, images, cross, before, no_noise = blocks(shapes)
+    no_noise[:] = 0.0
+    cause = np.zeros(16, np.int64)[:1]
+    return FilterWork(
+        new_linear_work(n, m, rules), new_flow_work(n, m), moved, root, points, images, cross,
+        before, no_noise, cause,
+    )  # fmt: skip
+
+
+@inlined_kernel
+def innovate(y: Array, expected: Array, innovation: Array, work: FilterWork) -> bool:
+    """Write y - h(x, u), nan where y is, and return whether h is finite."""
+    # e = y - h(x, u)
+    for o in range(len(work.linear.outputs)):
+        if not math.isfinite(expected[o]):
+            work.cause[0] = NO_OUTPUT
+            return False
+        innovation[o] = shortest(y[o] - expected[o], work.linear.rules.output_periods[o])
+    return True
+
+
+@inlined_kernel
+def predict_extended(
+    functions: Functions, steps: Any, k: int, Q: Array, u: Array, mean: Array, covariance: Array,
+    next_covariance: Array, work: FilterWork,
+) -> None:  # fmt: skip
+    """Write f(x, u) to ``work.moved``, the covariance, and cov(x(k-1), x(k)) to ``work.cross``."""
+    n = len(work.linear.states)
+    # x = f(x, u), A = df/dx
+    write_sizes(functions.F, functions.scale, mean, covariance, work.flow.sizes)
+    move_and_derive(functions, steps, k, mean, u, work.moved, work.flow)
+    A, cross = work.flow.A, work.cross
+    # cov(x(k-1), x(k)) = P A'
+    for a in range(n):
+        for b in range(n):
+            total = 0.0
+            for i in range(n):
+                total += covariance[a, i] * A[b, i]
+            cross[a, b] = total
+    # P = A (P A') + Q
+    for a in range(n):
+        for b in range(a + 1):
+            total = Q[a, b]
+            for i in range(n):
+                total += A[a, i] * cross[i, b]
+            next_covariance[a, b] = total
+            next_covariance[b, a] = total
+
+
+@inlined_kernel
+def extend_cross(work: FilterWork) -> None:
+    """Write cov(x, x(k)) = cov(x, x(k-1)) A' to ``work.cross``, from ``work.before``."""
+    n = len(work.before)
+    for a in range(n):
+        for b in range(n):
+            total = 0.0
+            for i in range(n):
+                total += work.before[a, i] * work.flow.A[b, i]
+            work.cross[a, b] = total
+
+
+@inlined_kernel
+def correct_extended(
+    functions: Functions, y: Array, u: Array, mean: Array, covariance: Array,
+    innovation: Array, weight: float, work: FilterWork,
+) -> float:  # fmt: skip
+    """Correct in place by the measurement, and return the log-likelihood, nan if it fails.
+
+    ``innovation`` is written, and the lower Cholesky factor of its covariance S to ``work``.
+    """
+    linear, flow = work.linear, work.flow
+    # C = dh/dx
+    write_sizes(functions.H, functions.scale, mean, covariance, flow.sizes)
+    jacobian(functions.h, functions.H, mean, u, flow.C_flat, flow)
+    # e = y - h(x, u)
+    expected = flow.values[0, : len(y)]
+    call(functions.h, (mean, u, expected))
+    if not innovate(y, expected, innovation, work):
+        return math.nan
+    # S = C P C' + R
+    log_likelihood = log_likelihood_of(flow.C, covariance, innovation, linear)
+    if linear.rules.forgetting > 0.0:
+        learn_noise(innovation, weight, linear)
+    # K = P C' S^-1
+    kalman_gain(linear)
+    # x = x + K e
+    correct_mean(mean, innovation, linear)
+    # P = (I - K C) P (I - K C)' + K R K'
+    correct_covariance(flow.C, covariance, linear)
+    return log_likelihood
+
+
+ROUNDING = 1e-12  # of a variance: how far below zero a pivot may be
+
+
+class Weights(NamedTuple):
+    """Weights of scaled sigma points (Wan & van der Merwe 2000).
+
+    The points are x and x +- ``spread`` times the columns of a root of P. ``each`` is the weight of
+    all but the first one, of which ``first`` is that in covariances.
+    """
+
+    spread: float
+    each: float
+    first: float
+
+
+@inlined_kernel
+def take_root(covariance: Array, root: Array) -> bool:
+    """Write the lower Cholesky factor L of P = L L', or return False for a negative eigenvalue.
+
+    Where P is singular a column of L is zero.
+    """
+    n = len(covariance)
+    for j in range(n):
+        for i in range(j):
+            root[i, j] = 0.0
+        pivot = covariance[j, j]
+        for i in range(j):
+            pivot -= root[j, i] * root[j, i]
+        bound = ROUNDING * covariance[j, j]
+        if not pivot >= -bound:  # nan, too
+            return False
+        singular = pivot <= 1e-4 * bound
+        root[j, j] = 0.0 if singular else math.sqrt(pivot)
+        for k in range(j + 1, n):
+            total = covariance[k, j]
+            for i in range(j):
+                total -= root[k, i] * root[j, i]
+            root[k, j] = 0.0 if singular else total / root[j, j]
+    return True
+
+
+@inlined_kernel
+def place_points(mean: Array, covariance: Array, weights: Weights, work: FilterWork) -> bool:
+    """Write the sigma points x, x + c L_i, x - c L_i, or return False if P has no root."""
+    n = len(work.linear.states)
+    if not take_root(covariance, work.root):
+        work.cause[0] = NO_ROOT
+        return False
+    for a in range(n):
+        work.points[0, a] = mean[a]
+        for i in range(n):
+            offset = weights.spread * work.root[a, i]
+            work.points[1 + i, a] = mean[a] + offset
+            work.points[1 + n + i, a] = mean[a] - offset
+    return True
+
+
+@inlined_kernel
+def average_points(images: Array, weight: float, periods: Array, mean: Array) -> None:
+    """Write the mean, as the first point plus what the others differ from it by.
+
+    All weights sum to one; so written, a large negative one does not cancel, and angles differ the
+    shortest way round.
+    """
+    for a in range(len(mean)):
+        total = 0.0
+        for i in range(1, len(images)):
+            total += shortest(images[i, a] - images[0, a], periods[a])
+        mean[a] = images[0, a] + weight * total
+
+
+@inlined_kernel
+def spread_of(images: Array, weights: Weights, noise: Array, out: Array) -> None:
+    """Write the lower half of sum w d d' + noise, where d are rows of ``images``."""
+    for a in range(len(noise)):
+        for b in range(a + 1):
+            total = 0.0
+            for i in range(1, len(images)):
+                total += images[i, a] * images[i, b]
+            central = weights.first * images[0, a] * images[0, b]
+            out[a, b] = noise[a, b] + central + weights.each * total
+
+
+@inlined_kernel
+def cross_of(root: Array, images: Array, weights: Weights, cross: Array) -> None:
+    """Write sum w (X - x) d', where d are rows of ``images`` and X - x is 0, c L_i or -c L_i."""
+    n = len(root)
+    for a in range(n):
+        for b in range(cross.shape[1]):
+            total = 0.0
+            for i in range(n):
+                total += root[a, i] * (images[1 + i, b] - images[1 + n + i, b])
+            cross[a, b] = weights.each * weights.spread * total
+
+
+@inlined_kernel
+def subtract(rows: Array, mean: Array, periods: Array) -> None:
+    """Subtract a mean from each row, angles the shortest way round."""
+    for i in range(len(rows)):
+        for a in range(len(mean)):
+            rows[i, a] = shortest(rows[i, a] - mean[a], periods[a])
+
+
+@inlined_kernel
+def predict_unscented(
+    functions: Functions, weights: Weights, steps: Any, k: int, Q: Array, u: Array, mean: Array,
+    covariance: Array, next_covariance: Array, work: FilterWork,
+) -> bool:  # fmt: skip
+    """Write x(k) to ``work.moved``, its covariance, and cov(x(k-1), x(k)) to ``work.cross``.
+
+    False if P has no root.
+    """
+    n = len(work.linear.states)
+    # X = x, x + c L_i, x - c L_i
+    if not place_points(mean, covariance, weights, work):
+        return False
+    images = work.images[:, :n]
+    for i in range(2 * n + 1):
+        move(functions, steps, k, work.points[i], u, work.moved, work.flow)
+        assign(images[i], work.moved)
+    # x = sum w f(X), P = sum w (f(X) - x) (f(X) - x)' + Q
+    periods = work.linear.rules.state_periods
+    average_points(images, weights.each, periods, work.moved)
+    subtract(images, work.moved, periods)
+    cross_of(work.root, images, weights, work.cross)
+    spread_of(images, weights, Q, next_covariance)
+    for a in range(n):
+        for b in range(a):
+            next_covariance[b, a] = next_covariance[a, b]
+    return True
+
+
+@inlined_kernel
+def extend_cross_by_root(work: FilterWork) -> None:
+    """Write cov(x, x(k)) = cov(x, x(k-1)) P^-1 cov(x(k-1), x(k)) to ``work.cross``.
+
+    The first is ``work.before``, the last ``work.cross``, and P = L L' that of x(k-1).
+    """
+    before, column, n = work.before, work.flow.point, len(work.before)
+    solve_by_root(work.root, before, before)
+    for b in range(n):
+        for i in range(n):
+            column[i] = work.cross[i, b]
+        for a in range(n):
+            total = 0.0
+            for i in range(n):
+                total += before[a, i] * column[i]
+            work.cross[a, b] = total
+
+
+@inlined_kernel
+def solve_by_root(root: Array, cross: Array, gain: Array) -> None:
+    """Solve G L L' = C: G L first, then G. C and G may be the same array.
+
+    Where P = L L' is singular C is, too, and G is zero there.
+    """
+    n = len(root)
+    for a in range(n):
+        for i in range(n):
+            total = cross[a, i]
+            for j in range(i):
+                total -= root[i, j] * gain[a, j]
+            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
+        for last in range(n):
+            i = n - 1 - last
+            total = gain[a, i]
+            for j in range(i + 1, n):
+                total -= root[j, i] * gain[a, j]
+            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
+
+
+@inlined_kernel
+def correct_unscented(
+    functions: Functions, weights: Weights, y: Array, u: Array, mean: Array,
+    covariance: Array, innovation: Array, weight: float, work: FilterWork,
+) -> float:  # fmt: skip
+    """Correct in place by the measurement, and return the log-likelihood, nan if it fails.
+
+    ``innovation`` is written, and the lower Cholesky factor of its covariance S to ``work``.
+    """
+    n, m = len(work.linear.states), len(work.linear.outputs)
+    linear, expected = work.linear, work.flow.values[0, :m]
+    if not place_points(mean, covariance, weights, work):
+        return math.nan
+    points, images = work.points, work.images[:, :m]
+    for i in range(2 * n + 1):
+        call(functions.h, (points[i], u, expected))
+        assign(images[i], expected)
+    # y = sum w h(X)
+    periods, R = linear.rules.output_periods, linear.noise
+    average_points(images, weights.each, periods, expected)
+    if not innovate(y, expected, innovation, work):
+        return math.nan
+    # S = sum w (h(X) - y) (h(X) - y)' + R
+    subtract(images, expected, periods)
+    spread_of(images, weights, R, linear.factor)
+    gate(innovation, linear)
+    log_likelihood = factor_innovation(innovation, linear.factor, linear)
+    if linear.rules.forgetting > 0.0:
+        learn_noise(innovation, weight, linear)
+    # K = sum w (X - x) (h(X) - y)' S^-1
+    cross_of(work.root, images, weights, linear.cross)
+    kalman_gain(linear)
+    # x = x + K e
+    for i in range(len(points)):
+        for a in range(n):
+            points[i, a] -= mean[a]
+    correct_mean(mean, innovation, linear)
+    # P = sum w r r' + K R K'
+    spread_after(R, weights, linear.gain, points, images, covariance)
+    return log_likelihood
+
+
+@inlined_kernel
+def spread_after(
+    R: Array, weights: Weights, gain: Array, points: Array, images: Array, covariance: Array
+) -> None:
+    """The covariance of sigma points in Joseph's form, with r = (X - x) - K (h(X) - y).
+
+    P = sum w r r' + K R K', which is P - K S K' but for rounding.
+    """
+    n, m = gain.shape
+    for i in range(len(points)):
+        for a in range(n):
+            for o in range(m):
+                points[i, a] -= gain[a, o] * images[i, o]
+    for a in range(n):
+        for b in range(a + 1):
+            total = 0.0
+            for i in range(1, len(points)):
+                total += points[i, a] * points[i, b]
+            total = weights.each * total + weights.first * points[0, a] * points[0, b]
+            for o in range(m):
+                for q in range(m):
+                    total += gain[a, o] * R[o, q] * gain[b, q]
+            covariance[a, b] = total
+            covariance[b, a] = total
+
+
+@inlined_kernel
+def predict(
+    model: NonlinearRows, weights: Weights | None, k: int, u: Array, mean: Array,
+    covariance: Array, next_mean: Array, next_covariance: Array, work: FilterWork,
+) -> bool:  # fmt: skip
+    """Time update to row k, in which what is read and what is written may be the same arrays.
+
+    False if it fails. The cross-covariance of x(k-1) and x(k) is left in ``work.cross``.
+    """
+    functions, steps, Q = model.functions, model.steps, model.Q[min(k, len(model.Q) - 1)]
+    parts, noisy = model.parts[min(k, len(model.parts) - 1)]
+    for part in range(parts):
+        noise = Q if part >= parts - noisy else work.no_noise
+        if part > 0:
+            assign_matrix(work.before, work.cross)
+            mean, covariance = next_mean, next_covariance
+        if weights is None:
+            predict_extended(functions, steps, k, noise, u, mean, covariance, next_covariance, work)
+            if part > 0:
+                extend_cross(work)
+        elif not predict_unscented(
+            functions, weights, steps, k, noise, u, mean, covariance, next_covariance, work
+        ):
+            return False
+        elif part > 0:
+            extend_cross_by_root(work)
+        total = 0.0
+        for a in range(len(work.linear.states)):
+            next_mean[a] = shortest(work.moved[a], work.linear.rules.state_periods[a])
+            total += next_mean[a] + next_covariance[a, a]
+        if not math.isfinite(total):
+            work.cause[0] = NO_STATE
+            return False
+    if weights is None:
+        clip_variances(next_covariance, work.linear)
+    elif below_zero(next_covariance, work.linear):
+        work.cause[0] = NO_ROOT
+        return False
+    return True
+
+
+@inlined_kernel
+def correct(
+    model: NonlinearRows, weights: Weights | None, k: int, y: Array, u: Array, mean: Array,
+    covariance: Array, innovation: Array, variances: Array, weight: float, work: FilterWork,
+) -> float:  # fmt: skip
+    """Correct in place by the measurement, and return the log-likelihood, nan if it fails.
+
+    ``innovation`` is written, and the lower Cholesky factor of its covariance S to ``work``;
+    ``variances`` and ``weight`` are those of `linear_steps.correct`.
+    """
+    functions = model.functions
+    work.cause[0] = 0
+    noise_of_row(model.R[min(k, len(model.R) - 1)], variances, work.linear)
+    if weights is None:
+        log_likelihood = correct_extended(
+            functions, y, u, mean, covariance, innovation, weight, work
+        )
+    else:
+        log_likelihood = correct_unscented(
+            functions, weights, y, u, mean, covariance, innovation, weight, work
+        )
+    total = log_likelihood
+    for a in range(len(work.linear.states)):
+        total += mean[a] + covariance[a, a]
+    if below_zero(covariance, work.linear):
+        vague = is_vague(innovation, work.linear)
+        if vague or weights is not None:
+            work.cause[0] = NEGATIVE if vague else NO_ROOT
+            return math.nan
+        clip_variances(covariance, work.linear)
+    if math.isfinite(total):
+        return log_likelihood
+    if work.cause[0] == 0:
+        work.cause[0] = NO_POSTERIOR if math.isfinite(log_likelihood) else NO_INNOVATION
+    return math.nan
+
+
+@kernel
+def run_nonlinear(
+    model: NonlinearRows,
+    weights: Weights | None,
+    measurements: Array,
+    inputs: Array,
+    fresh: bool,
+    posteriors: FilterPosteriors,
+    rows: FilterRows,
+    kept: PredictedRows | None,
+    work: FilterWork,
+    ends: NDArray[np.int64],
+) -> None:
+    """Filter records: fill the rows, move the posteriors, count good rows.
+
+    ``ends`` become the numbers of good rows and why the loop stopped, (records, 2), keys of
+    `reobserve.observers.nonlinear_filter.CAUSES`. ``inputs`` has a row more than a record:
+    the input of the row before, then that of each row; so have Q and the steps of the model. A
+    ``fresh`` posterior is meant at the first row, which then corrects it as it stands; else it is
+    meant a period before.
+    """
+    count, due = measurements.shape[1], FIRST
+    for r in range(len(measurements)):
+        ends[r, 0] = ends[r, 1] = first = 0
+        while first < count and ends[r, 0] == first:
+            if r * count + first >= due:
+                due = poll(r * count + first)
+            last = min(count, due - r * count)
+            _run_rows(
+                model, weights, measurements, inputs, fresh, posteriors, rows, kept, work, ends, r,
+                first, last,
+            )  # fmt: skip
+            first = last
+
+
+@inlined_kernel
+def _run_rows(
+    model: NonlinearRows, weights: Weights | None, measurements: Array, inputs: Array, fresh: bool,
+    posteriors: FilterPosteriors, rows: FilterRows, kept: PredictedRows | None, work: FilterWork,
+    ends: NDArray[np.int64], r: int, first: int, last: int,
+) -> None:  # fmt: skip
+    """Filter the rows of a record from ``first`` to before ``last``."""
+    mean, covariance = posteriors.means[r], posteriors.covariances[r]
+    for k in range(first, last):
+        y, innovation = measurements[r, k], rows.innovation[r, k]
+        # x = f(x, u), P = A P A' + Q, or that of sigma points
+        if (k > 0 or not fresh) and not predict(
+            model, weights, k, inputs[r, k], mean, covariance, mean, covariance, work
+        ):
+            ends[r, 1] = work.cause[0]
+            break
+        if kept is not None:
+            keep_prediction(mean, covariance, kept, r, k)
+        missing = is_missing(y)
+        if missing:
+            fill(innovation, math.nan)
+            fill(work.linear.outlier, 0.0)
+            rows.log_likelihood[r, k] = 0.0
+        else:
+            # x = x + K (y - h(x, u)), P = (I - K C) P (I - K C)' + K R K'
+            rows.log_likelihood[r, k] = correct(
+                model, weights, k, y, inputs[r, k + 1], mean, covariance, innovation,
+                posteriors.noises[r],
+                weight_of_row(posteriors, r, k, work.linear.rules.forgetting), work,
+            )  # fmt: skip
+            if math.isnan(rows.log_likelihood[r, k]):
+                ends[r, 1] = work.cause[0]
+                break
+            if kept is not None:
+                assign_matrix(kept.gain[r, k], work.linear.gain)
+        keep_noise(posteriors, not missing, rows, r, k, work.linear)
+        keep_row(mean, covariance, innovation, work.linear, rows, r, k)
+        ends[r, 0] = k + 1
+
+
+@kernel
+def predict_nonlinear(
+    model: NonlinearRows, weights: Weights | None, inputs: Array, means: Array, covariances: Array,
+    next_means: Array, next_covariances: Array, crosses: Array, work: FilterWork,
+) -> int:  # fmt: skip
+    """Predict from each row to the next one, and return how many rows could be.
+
+    ``crosses`` become the cross-covariances of x(k) and x(k+1), shape (k, n, n).
+    """
+    due = FIRST
+    for k in range(len(next_means)):
+        if k >= due:
+            due = poll(k)
+        if not predict(
+            model, weights, k + 1, inputs[k + 1], means[k], covariances[k], next_means[k],
+            next_covariances[k], work,
+        ):  # fmt: skip
+            return k
+        for a in range(len(work.cross)):
+            assign(crosses[k, a], work.cross[a])
+    return len(next_means)
+
 
 LONGER = 1e-3  # of a sampling period: how much longer the time to a row may be
 MOST_PARTS = 10_000_000  # predictions in a gap, a second or more
@@ -33,7 +612,7 @@ TAKES = ("Q", "R", "parameters", "dt", "keep")
 CAUSES = {
     NO_STATE: "f, or the covariance after it, is not finite at the next sample",
     NO_OUTPUT: "h is not finite at the next sample",
-    **linear_loop.CAUSES,
+    **LINEAR_CAUSES,
     NO_ROOT: "the covariance of the state is no longer positive semidefinite, so that it has no "
     "Cholesky factor",
     NO_POSTERIOR: "the next correction is not finite",
@@ -127,3 +706,143 @@ def nonlinear_in_record(
 NONLINEAR = FilterSteps(
     NonlinearModel, nonlinear_in_record, run_nonlinear, predict_nonlinear, new_filter_work, CAUSES
 )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ExtendedKalmanFilter(GaussianFilter):
+    """Extended Kalman filter: Kalman's on the model linearised about each estimate.
+
+        x = f(x, u),              P = A P A' + Q                           A = df/dx
+        S = C P C' + R,           K = P C' S^-1                            C = dh/dx
+        x = x + K (y - h(x, u)),  P = (I - K C) P (I - K C)' + K R K'
+
+    Jazwinski 1970, Stochastic Processes and Filtering Theory, theorem 8.1. `init` takes mean and
+    covariance; `run` and `step` take y, shape (k, m), nan where missing, and u, (k, p), and by name
+    Q, R, ``parameters``, ``dt`` and ``keep``, see `GaussianFilter`. Estimates, in units of the
+    model: ``state``, x, shape (k, n), ``covariance``, P, (k, n, n), and its diagonal ``variance``,
+    (k, n); ``innovation``, y - h(x, u), (k, m), ``innovation_covariance``, S, (k, m, m), and
+    ``log_likelihood``, (k,).
+
+    Parameters
+    ----------
+    model
+        The nonlinear model of the plant; its Jacobians are given there, derived from text, or
+        found by differences.
+
+    Raises
+    ------
+    InputError
+        If the model is of another kind.
+
+    Examples
+    --------
+    >>> from reobserve import ExtendedKalmanFilter, NonlinearModel
+    >>> pendulum = NonlinearModel.from_ode(
+    ...     ["rate", "-9.81*sin(angle)"], ["angle"], Q=1e-6, R=1e-4,
+    ...     state_names=["angle", "rate"], sampling_period=0.1,
+    ... )
+    >>> observer = ExtendedKalmanFilter(pendulum)
+    >>> run = observer.run([0.3, 0.285, 0.243, 0.178, 0.095, 0.003], state=observer.init([0, 0], 1))
+    >>> print(run["state_rate"][-1].round(2))
+    -0.94
+    """
+
+    model: NonlinearModel
+
+    steps: ClassVar[FilterSteps] = NONLINEAR
+    has_kalman_gain: ClassVar[bool] = True
+    takes: ClassVar[tuple[str, ...]] = TAKES
+
+    @property
+    def method(self) -> None:
+        """None: it has no sigma points."""
+        return
+
+    @property
+    def functions(self) -> Functions:
+        """The model's functions, with Jacobians."""
+        return self.model.functions
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class UnscentedKalmanFilter(GaussianFilter):
+    """Unscented Kalman filter with scaled sigma points, without Jacobians.
+
+        X_0 = x,   X_i = x + c L_i,   X_(n+i) = x - c L_i,   P = L L',   c^2 = n + lambda
+        lambda = alpha^2 (n + kappa) - n
+        x = sum w_i f(X_i),   P = sum v_i (f(X_i) - x) (f(X_i) - x)' + Q
+
+    The weights of all points but the first are 1 / (2 c^2); those of the first are lambda / c^2 in
+    means and lambda / c^2 + 1 - alpha^2 + beta in covariances (Wan & van der Merwe 2000). The
+    points are placed again after the prediction, and L is the lower Cholesky factor, as in
+    filterpy.
+
+    `init` takes mean and covariance; `run` and `step` take y, shape (k, m), nan where missing, and
+    u, (k, p), and by name what `ExtendedKalmanFilter` takes. Estimates, in units of the model:
+    ``state``, x, shape (k, n), ``covariance``, P, (k, n, n), and its diagonal ``variance``, (k, n);
+    ``innovation``, (k, m), ``innovation_covariance``, (k, m, m), and ``log_likelihood``, (k,).
+
+    Parameters
+    ----------
+    model
+        The nonlinear model of the plant.
+    alpha
+        How far the points are spread, from above 0 to 1. Wan & van der Merwe name 0.001; filterpy's
+        ``MerweScaledSigmaPoints`` has no default and uses 0.1 in its examples. Weights grow as
+        1 / alpha^2, and so do rounding errors.
+    beta
+        Knowledge of the distribution's tails; 2 is best for a Gaussian one.
+    kappa
+        Second spread, above -n; 0 as in Wan & van der Merwe. filterpy's documentation names 3 - n.
+
+    Raises
+    ------
+    InputError
+        If ``alpha`` is not above 0 and up to 1, or n + ``kappa`` is not above 0.
+
+    Examples
+    --------
+    >>> from reobserve import NonlinearModel, UnscentedKalmanFilter
+    >>> pendulum = NonlinearModel.from_ode(
+    ...     ["rate", "-9.81*sin(angle)"], ["angle"], Q=1e-6, R=1e-4,
+    ...     state_names=["angle", "rate"], sampling_period=0.1,
+    ... )
+    >>> observer = UnscentedKalmanFilter(pendulum)
+    >>> run = observer.run([0.3, 0.285, 0.243, 0.178, 0.095, 0.003], state=observer.init([0, 0], 1))
+    >>> print(run["state_rate"][-1].round(2))
+    -0.94
+    """
+
+    model: NonlinearModel
+    alpha: float = 0.1
+    beta: float = 2.0
+    kappa: float = 0.0
+
+    steps: ClassVar[FilterSteps] = NONLINEAR
+    has_kalman_gain: ClassVar[bool] = True
+    takes: ClassVar[tuple[str, ...]] = TAKES
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        alpha = as_positive("alpha", self.alpha)
+        if not 1e-6 <= alpha <= 1:
+            raise InputError("alpha", f"{alpha:g} must be from 1e-6 to 1")
+        kappa = as_scalar("kappa", self.kappa)
+        if self.model.states + kappa <= 0:
+            raise InputError("kappa", f"{kappa:g} must be above -{self.model.states}, minus n")
+        object.__setattr__(self, "alpha", alpha)
+        object.__setattr__(self, "beta", as_scalar("beta", self.beta))
+        object.__setattr__(self, "kappa", kappa)
+
+    @property
+    def functions(self) -> Functions:
+        """The model's functions, without Jacobians."""
+        return self.model.functions_alone
+
+    @cached_property
+    def method(self) -> Weights:
+        """The weights of the sigma points."""
+        n, alpha_squared = self.model.states, self.alpha**2
+        square = alpha_squared * (n + self.kappa)
+        first = (square - n) / square + 1.0 - alpha_squared + self.beta
+        return Weights(math.sqrt(square), 0.5 / square, first)

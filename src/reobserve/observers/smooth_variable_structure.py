@@ -19,10 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.errors import InputError, shown
 from reobserve.core.kernel import allocating_kernel, inlined_kernel
 from reobserve.core.matrices import as_floats, as_scalar, as_vector
-from reobserve.observers.gain import Gain, own_gain_function
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps
-from reobserve.observers.kalman import LINEAR, TAKES
+from reobserve.observers.kalman import LINEAR, TAKES, Gain, own_gain_function
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]

@@ -15,20 +15,17 @@ from reobserve.core.kernel import kernel
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_sample_rows
 from reobserve.observers.augmented_kalman import CROSS, AugmentedKalmanFilter
-from reobserve.observers.correlated_noise import TakenOut
 from reobserve.observers.dataframes import read_frames
-from reobserve.observers.estimated_noise import refuse_given
-from reobserve.observers.extended_kalman import ExtendedKalmanFilter
-from reobserve.observers.filter_rules import shortest
-from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.gaussian_state import KalmanState
-from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_steps import assign, assign_matrix, blocks
+from reobserve.observers.gaussian_filter import EVEN, GaussianFilter
+from reobserve.observers.gaussian_state import KalmanState, TakenOut, refuse_given, warn_of_smoothed
+from reobserve.observers.kalman import KalmanFilter, assign, assign_matrix, blocks, shortest
+from reobserve.observers.nonlinear_filter import (
+    ExtendedKalmanFilter,
+    UnscentedKalmanFilter,
+    solve_by_root,
+    take_root,
+)
 from reobserve.observers.run import Run
-from reobserve.observers.uneven_times import EVEN
-from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
-from reobserve.observers.unscented_kalman_loop import solve_by_root, take_root
-from reobserve.observers.vague_start import warn_of_smoothed
 from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]

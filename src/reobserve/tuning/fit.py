@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError, one_line, shown
 from reobserve.core.progress import progress
-from reobserve.observers.vague_start import VagueStartWarning
+from reobserve.observers.gaussian_state import VagueStartWarning
 from reobserve.tuning.optimisers import sobol
 from reobserve.tuning.search import EDGE, FAILURES, Range, Settings, as_ranges
 

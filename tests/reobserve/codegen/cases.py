@@ -13,7 +13,6 @@ from reobserve.estimation.families import FAMILIES, family
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
-from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.fixed_gain import luenberger
 from reobserve.observers.grid_filter import GridFilter
@@ -23,9 +22,9 @@ from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
+from reobserve.observers.nonlinear_filter import ExtendedKalmanFilter, UnscentedKalmanFilter
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
-from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.rigid_body import RigidBody

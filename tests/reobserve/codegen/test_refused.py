@@ -12,8 +12,8 @@ import pytest
 from reobserve.core.errors import InputError
 from reobserve.estimation.export_command import exported, run
 from reobserve.estimation.families.program import program_of
-from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.nonlinear_filter import ExtendedKalmanFilter
 from reobserve.systems.nonlinear import NonlinearModel
 from tests.reobserve.codegen import cases
 

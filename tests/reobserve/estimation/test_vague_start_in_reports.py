@@ -11,7 +11,7 @@ from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import simulated
 from reobserve.estimation.row_by_row import RowByRow
-from reobserve.observers.vague_start import VagueStartWarning
+from reobserve.observers.gaussian_state import VagueStartWarning
 from tests.reobserve.estimation.records import specification, write_record
 
 KINDS = ("kalman", "extended-kalman", "unscented-kalman", "augmented-kalman", "fault-bank")

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.imm import IMM
-from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
+from reobserve.observers.nonlinear_filter import ExtendedKalmanFilter, UnscentedKalmanFilter
 from reobserve.systems.nonlinear import NonlinearModel
 from tests.reobserve.observers.case import Case
 

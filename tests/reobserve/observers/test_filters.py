@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.observers.filter_halves import innovation_deviation
-from reobserve.observers.gain import Gain, gain_function
-from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_filter import GaussianFilter, innovation_deviation
 from reobserve.observers.gaussian_state import Correction, FilterSteps, Gaussian, KalmanState
-from reobserve.observers.kalman import LINEAR, KalmanFilter
+from reobserve.observers.kalman import LINEAR, Gain, KalmanFilter, gain_function
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel

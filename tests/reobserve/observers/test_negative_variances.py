@@ -31,7 +31,7 @@ from reobserve import (
     rts_smoother,
 )
 from reobserve.core.errors import DivergenceError
-from reobserve.observers.vague_start import REMEDY, VagueStartWarning
+from reobserve.observers.gaussian_state import REMEDY, VagueStartWarning
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from reobserve import ExtendedKalmanFilter, KalmanFilter, LinearModel, NonlinearModel
 from reobserve.core.errors import DivergenceError
-from reobserve.observers.vague_start import VagueStartWarning
+from reobserve.observers.gaussian_state import VagueStartWarning
 
 Array = NDArray[np.float64]
 NAN = np.nan

@@ -22,10 +22,9 @@ from reobserve import (
 from reobserve.observers import (
     batch_run,
     gaussian_filter,
-    imm_loop,
-    linear_loop,
-    linear_steps,
-    nonlinear_steps,
+    imm,
+    kalman,
+    nonlinear_filter,
 )
 from tests.reobserve.observers.by_row import (
     GIVEN,
@@ -239,7 +238,7 @@ def test_components_go_by_the_names_of_signals() -> None:
 
 def test_other_sizes_noise_and_matrices_by_row_compile_nothing() -> None:
     rng = np.random.default_rng(3)
-    loops: Any = linear_loop.run_linear, nonlinear_steps.run_nonlinear, imm_loop.run_bank
+    loops: Any = kalman.run_linear, nonlinear_filter.run_nonlinear, imm.run_bank
 
     def linear(n: int, m: int, p: int, by_row: bool, count: int) -> None:
         noise = 0.1 + rng.random()
@@ -263,7 +262,7 @@ def test_other_sizes_noise_and_matrices_by_row_compile_nothing() -> None:
         one = kind(model)
         one.run(rng.normal(size=(4, 1)), [0.0] * 4, state=one.init([0.0], 1.0), **given)
 
-    small, large = linear_steps.UNROLLED, linear_steps.UNROLLED + 1
+    small, large = kalman.UNROLLED, kalman.UNROLLED + 1
     linear(small, 1, 1, False, 1)
     linear(large, 1, 1, False, 1)
     kinds: Any = ExtendedKalmanFilter, UnscentedKalmanFilter

@@ -16,7 +16,7 @@ from reobserve import (
     NonlinearModel,
     rts_smoother,
 )
-from reobserve.observers.vague_start import VagueStartWarning
+from reobserve.observers.gaussian_state import VagueStartWarning
 
 MOTION = LinearModel([[1.0, 1.0], [0.0, 1.0]], C=[[1.0, 0.0]], Q=0.0, R=1.0)
 Y = [1.0, 3.0, 2.0, 5.0, 4.0]

@@ -18,7 +18,7 @@ from reobserve import (
     fit,
 )
 from reobserve.core.errors import InputError
-from reobserve.observers.nonlinear_steps import run_nonlinear
+from reobserve.observers.nonlinear_filter import run_nonlinear
 
 
 def level_record() -> np.ndarray:

@@ -14,9 +14,7 @@ from reobserve.core.errors import InputError
 from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.grid_filter import GridFilter
-from reobserve.observers.imm import IMM
-from reobserve.observers.imm_state import ImmState
-from reobserve.observers.imm_work import LEAST
+from reobserve.observers.imm import IMM, LEAST, ImmState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 

@@ -12,7 +12,7 @@ from reobserve.codegen.program import Program
 from reobserve.codegen.programs import linear
 from reobserve.codegen.programs.rules import FilterRules
 from reobserve.observers.grid_filter import GridFilter
-from reobserve.observers.imm_state import ImmState
+from reobserve.observers.imm import ImmState
 
 
 class DelayedInputs(linear.Inputs):

@@ -18,8 +18,7 @@ from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import KalmanState
-from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_steps import HALF_LOG_TWO_PI, ROUNDED
+from reobserve.observers.kalman import HALF_LOG_TWO_PI, ROUNDED, KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
 

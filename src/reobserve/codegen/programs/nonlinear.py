@@ -14,11 +14,13 @@ from reobserve.codegen.programs import linear
 from reobserve.codegen.programs.right_hand_sides import expression
 from reobserve.codegen.programs.rules import FilterRules
 from reobserve.core.errors import InputError
-from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import KalmanState
-from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
-from reobserve.observers.unscented_kalman_loop import ROUNDING
+from reobserve.observers.nonlinear_filter import (
+    ROUNDING,
+    ExtendedKalmanFilter,
+    UnscentedKalmanFilter,
+)
 from reobserve.systems.nonlinear import NonlinearModel
 
 Array = NDArray[np.float64]

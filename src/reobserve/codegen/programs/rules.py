@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from reobserve.codegen.expressions import Name, call
 from reobserve.codegen.program import ZERO, Program
-from reobserve.observers.linear_loop import BEGUN
+from reobserve.observers.kalman import BEGUN
 
 Array = NDArray[np.float64]
 

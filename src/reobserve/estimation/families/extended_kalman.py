@@ -9,7 +9,7 @@ from typing import ClassVar
 from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.text_model import MODEL, RECORD, TextFilterDesign
 from reobserve.estimation.observer_design import Example
-from reobserve.observers.extended_kalman import ExtendedKalmanFilter
+from reobserve.observers.nonlinear_filter import ExtendedKalmanFilter
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

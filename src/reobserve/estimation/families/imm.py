@@ -23,8 +23,7 @@ from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.signals import NamedSignal, check_signals, covariances
 from reobserve.estimation.observer_design import Certificate, Estimates, Example
 from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.imm import IMM
-from reobserve.observers.imm_state import ImmState
+from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 

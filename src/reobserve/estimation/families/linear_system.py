@@ -15,9 +15,8 @@ from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.estimation.families.rules import periods, rule_estimates
 from reobserve.estimation.families.signals import NamedSignal, listed, numbered, variances
 from reobserve.estimation.observer_design import Certificate, Design, Estimates, System, pole_text
-from reobserve.observers.filter_halves import innovation_deviation
 from reobserve.observers.fixed_gain import FixedGainObserver
-from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_filter import GaussianFilter, innovation_deviation
 from reobserve.synthesis.linear_gain import undetectable_modes
 from reobserve.systems.linear import LinearModel
 

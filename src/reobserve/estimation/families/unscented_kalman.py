@@ -9,7 +9,7 @@ from typing import ClassVar
 from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.text_model import MODEL, RECORD, TextFilterDesign, TextSystem
 from reobserve.estimation.observer_design import Example
-from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
+from reobserve.observers.nonlinear_filter import UnscentedKalmanFilter
 
 _GAINS = """\
 gains:                      # of the sigma points; these are the values where they are left out

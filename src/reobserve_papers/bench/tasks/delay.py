@@ -20,10 +20,10 @@ import numpy as np
 
 from reobserve.core.validation import Positive, rising
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, SwitchedOffWarning
-from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.grid_filter import GridFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.nonlinear_filter import ExtendedKalmanFilter
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.tuning.search import Settings

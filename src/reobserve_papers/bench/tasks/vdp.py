@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 
 from reobserve.core.validation import Positive
-from reobserve.observers.extended_kalman import ExtendedKalmanFilter
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
+from reobserve.observers.nonlinear_filter import ExtendedKalmanFilter, UnscentedKalmanFilter
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
 from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem

@@ -24,7 +24,7 @@ from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_vector
 from reobserve.core.validation import parse
-from reobserve.observers.imm_state import ImmState
+from reobserve.observers.imm import ImmState
 from reobserve.observers.run import Run
 from reobserve_papers.metrics.responses import scored
 from reobserve_papers.papers.imm import keys

@@ -10,10 +10,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.observers.gain import Gain, own_gain_function
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import FilterSteps
-from reobserve.observers.kalman import LINEAR, TAKES
+from reobserve.observers.kalman import LINEAR, TAKES, Gain, own_gain_function
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_vector
 from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.imm import IMM
-from reobserve.observers.imm_state import ImmState
+from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from reobserve.core.errors import DivergenceError, InputError, located, nearest
 from reobserve.core.matrices import spectral_radius
 from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.imm import IMM
-from reobserve.observers.imm_state import ImmState
+from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.run import Run
 from reobserve.systems.linear import LinearModel
 from reobserve_papers.metrics.metrics import Metric

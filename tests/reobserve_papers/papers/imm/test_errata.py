@@ -13,8 +13,7 @@ from scipy.linalg import solve_discrete_are
 
 from reobserve.core.documents import read_yaml
 from reobserve.observers.gaussian_state import Gaussian
-from reobserve.observers.imm import IMM
-from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
+from reobserve.observers.imm import IMM, mixing_probabilities, update_probabilities
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
