@@ -30,6 +30,7 @@ from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import all_finite, as_positive, as_row, as_sample_rows, as_samples
 from reobserve.core.value import Value, converter
 from reobserve.observers import dataframes
+from reobserve.observers.dataframes import run_other
 from reobserve.observers.fixed_step import Pair, Steps, as_pair, as_row_pair, steps_between
 from reobserve.observers.record import (
     Batch,
@@ -37,7 +38,6 @@ from reobserve.observers.record import (
     Record,
     Rows,
     check_state,
-    depth_of,
     stacked,
 )
 from reobserve.observers.run import AxisNames, Estimate, Run, names_by_model
@@ -159,7 +159,8 @@ class Observer(Value, ABC, Generic[StateKind]):
         DivergenceError
             As `run`.
         """
-        y, u, before, middle = dataframes.read_rows(self, y, u, before, middle)
+        if type(y) not in dataframes.PLAIN or type(u) not in dataframes.PLAIN or before or middle:
+            y, u, before, middle = dataframes.read_rows(self, y, u, before, middle)
         record = self._read(
             as_row("y", y), None if u is None else as_row("u", u),
             as_row_pair("before", before), as_row_pair("middle", middle), given,
@@ -169,8 +170,10 @@ class Observer(Value, ABC, Generic[StateKind]):
         rows = self._fill(start, record)
         if not self._good(rows):
             raise self._divergence(start, rows, times, 0)
-        values = {name: array[0] for name, array in rows.estimates.items()}
-        return rows.state, Estimate(float(times[0]), values, self._units_of(values))
+        known, values, units = self.units, {}, {}
+        for name, array in rows.estimates.items():
+            values[name], units[name] = array[0], known.get(name, "")
+        return rows.state, Estimate(float(times[0]), values, units)
 
     def run(
         self,
@@ -220,33 +223,40 @@ class Observer(Value, ABC, Generic[StateKind]):
             If an estimate leaves the range of floating-point numbers, or rounding makes a variance
             of a filter negative; it says, where it is known, what would have helped.
         """
-        loud = as_word("on_divergence", on_divergence, ("raise", "return")) == "raise"
-        if (np.ndim(y) if isinstance(y, np.ndarray) else depth_of(y)) == 3:
-            for name, pair in (("before", before), ("middle", middle)):
-                if pair is not None:
-                    raise InputError(name, "must be left out with many records")
-            from reobserve.observers.batch_run import run_batch
+        if on_divergence != "raise":
+            as_word("on_divergence", on_divergence, ("raise", "return"))
+        loud = on_divergence == "raise"
+        plain = type(y) is np.ndarray and y.ndim < 3 and (u is None or type(u) is np.ndarray)
+        if plain and time is None and before is None and middle is None:
+            return self._run_record(y, u, state, None, None, None, loud, given)
+        run: Run[StateKind] = run_other(self, y, u, state, time, before, middle, loud, given)
+        return run
 
-            return run_batch(self, y, u, state, time, loud, given)
-        y, u, before, middle, time, index = dataframes.read_frames(self, y, u, before, middle, time)
+    def _run_record(
+        self, y: ArrayLike, u: ArrayLike | None, state: StateKind | None, time: ArrayLike | None,
+        before: Pair | None, middle: Pair | None, loud: bool, given: Mapping[str, Any],
+    ) -> Run[StateKind]:  # fmt: skip
+        """`run` of one record of arrays."""
         record = self._read(y, u, before, middle, given)
         start = self._start(record.y[0]) if state is None else self._checked(state)
-        times, record = dataframes.timed(self, index, time, start, record)
+        times, record = self._timed(time, start, record)
         rows = self._fill(start, record)
-        good = self._good(rows)
+        good = rows.finite if self.reads_missing else rows.good
         estimates, left, missing = rows.estimates, rows.before, 0
         if self.reads_missing and not all_finite(record.y):
             missing = int(np.isnan(record.y[:good]).any(axis=1).sum())
-        after, diverged_at = dataframes.stamped(rows.state, index, time), None
+        after, diverged_at, known, units = rows.state, None, self.units, {}
         if good < len(times):
             if loud:
                 raise self._divergence(start, rows, times, good)
             estimates = {name: array[:good] for name, array in estimates.items()}
             left = {name: array[:good] for name, array in left.items()}
             after, diverged_at = start, self._last_finite(start, times, good)
+        for name in estimates:
+            units[name] = known.get(name, "")
         return Run(
-            times[:good], estimates, self._units_of(estimates), after, diverged_at, left, missing,
-            self.component_names, None if index is None else index[:good], self._periods,
+            times[:good], estimates, units, after, diverged_at, left, missing,
+            self.component_names, None, self._periods,
         )  # fmt: skip
 
     def _run_records(self, records: Sequence[Record], states: Sequence[StateKind]) -> Batch:
@@ -258,11 +268,6 @@ class Observer(Value, ABC, Generic[StateKind]):
             [self._good(rows) for rows in every], [rows.state for rows in every],
             [rows.finding for rows in every],
         )  # fmt: skip
-
-    def _units_of(self, estimates: Mapping[str, Any]) -> Mapping[str, str]:
-        """The units of these estimates, none for what was asked for beside the others."""
-        known = self.units
-        return known if len(known) == len(estimates) else {n: known.get(n, "") for n in estimates}
 
     def _good(self, rows: Rows) -> int:
         """The number of good rows, which with missing measurements the loop alone can tell."""
@@ -293,7 +298,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         middle: Pair | None,
         given: Mapping[str, Any],
     ) -> Record:
-        measured = self._read_measurements("y", y)
+        measured = as_sample_rows("y", y, self.measurements, missing=self.reads_missing)
         rows = len(measured)
         known = self._read_inputs("u", u, rows)
         if given:
@@ -318,9 +323,6 @@ class Observer(Value, ABC, Generic[StateKind]):
                 raise InputError(name, problem)
         return {name: value for name, value in given.items() if value is not None}
 
-    def _read_measurements(self, name: str, y: ArrayLike, rows: int | None = None) -> Array:
-        return as_sample_rows(name, y, self.measurements, rows=rows, missing=self.reads_missing)
-
     def _read_inputs(self, name: str, u: ArrayLike | None, rows: int) -> Array:
         if u is None and not self.inputs:
             return np.empty((rows, 0))
@@ -335,7 +337,11 @@ class Observer(Value, ABC, Generic[StateKind]):
             return (None, None)
         y, u = as_pair(name, pair)
         return (
-            None if y is None else self._read_measurements(f"{name} y", y, rows),
+            None
+            if y is None
+            else as_sample_rows(
+                f"{name} y", y, self.measurements, rows=rows, missing=self.reads_missing
+            ),
             None if u is None else self._read_inputs(f"{name} u", u, rows),
         )
 
@@ -343,6 +349,12 @@ class Observer(Value, ABC, Generic[StateKind]):
     def _next_row(state: ObserverState) -> int:
         """The number of sampling periods from the first row of all to the next one."""
         return 0 if state.sample is None else state.count + 1
+
+    def _uneven(
+        self, time: ArrayLike | None, state: StateKind, record: Record
+    ) -> tuple[Array, Record] | None:
+        """The times of rows that are not a sampling period apart, None where they must be."""
+        return None
 
     @property
     def _uneven_hint(self) -> str:
@@ -360,14 +372,18 @@ class Observer(Value, ABC, Generic[StateKind]):
         self, time: ArrayLike | None, state: StateKind, record: Record
     ) -> tuple[Array, Record]:
         """The times of the rows, and the record with them if they are not counted."""
-        rows, last = len(record.y), self._last_time(state)
+        rows, held = len(record.y), getattr(state, "held", None)
+        if time is not None or record.given or held is not None:
+            timed = self._uneven(time, state, record)
+            if timed is not None:
+                return timed
         if time is None:
             if state.time is None:
-                counted = self._next_row(state) + np.arange(rows, dtype=np.float64)
-                return counted * self.sampling_period, record
+                first = 0 if state.sample is None else state.count + 1
+                return (first + np.arange(rows, dtype=np.float64)) * self.sampling_period, record
             times = state.time + self.sampling_period * np.arange(1.0, rows + 1.0)
             return times, record._replace(time=times)
-        times = as_samples("time", time, None, rows=rows, like="y")
+        times, last = as_samples("time", time, None, rows=rows, like="y"), self._last_time(state)
         between = np.diff(times if last is None else np.concatenate([[last], times]))
         with np.errstate(over="ignore"):
             off = np.abs(between - self.sampling_period)

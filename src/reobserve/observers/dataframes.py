@@ -9,8 +9,39 @@ from typing import Any
 import numpy as np
 
 from reobserve.core.errors import InputError, shown
+from reobserve.observers.record import depth_of
 
 UNEVEN = 0.01  # of the sampling period: how much longer or shorter the time between rows may be
+
+
+def run_other(
+    observer: Any, y: Any, u: Any, state: Any, time: Any, before: Any, middle: Any, loud: bool,
+    given: Any,
+) -> Any:  # fmt: skip
+    """`Observer.run` of what is no record of arrays: made one, and frames and dates put back."""
+    if (np.ndim(y) if isinstance(y, np.ndarray) else depth_of(y)) == 3:
+        for name, pair in (("before", before), ("middle", middle)):
+            if pair is not None:
+                raise InputError(name, "must be left out with many records")
+        from reobserve.observers.many_records import run_many
+
+        return run_many(observer, y, u, state, time, loud, given)
+    y, u, before, middle, time, index = read_frames(observer, y, u, before, middle, time)
+    counted, start = index is not None and time is None, state
+    if counted and state is not None:
+        state = observer._checked(state)
+        if state.time is not None:
+            _check_index(observer, index, state.time)
+            state = replace(state, time=None)
+    run = observer._run_record(y, u, state, time, before, middle, loud, given)
+    if index is None:
+        return run
+    after = run.state
+    if counted and run.diverged_at is None:
+        after = replace(after, time=float(as_seconds("y", index[-1:])[0]))
+    elif counted and start is not None:
+        after = start
+    return replace(run, state=after, index=index[: len(run)])
 
 
 def read_frames(
@@ -52,38 +83,24 @@ def read_frames(
 
 def read_rows(observer: Any, y: Any, u: Any, before: Any, middle: Any) -> tuple[Any, Any, Any, Any]:
     """Samples with their entries in the order of the model's signals, if they have names."""
-    if before is middle is None and type(y) in _PLAIN and type(u) in _PLAIN:
-        return y, u, None, None
     pairs = (("before", before), ("middle", middle))
     early, half = (_arranged_pair(observer, name, pair, row=True) for name, pair in pairs)
     y, u = (_arranged(observer, name, value, row=True) for name, value in (("y", y), ("u", u)))
     return y, u, early, half
 
 
-_PLAIN = (np.ndarray, list, float, type(None))
+PLAIN = (np.ndarray, list, float, type(None))
 
 
-def timed(observer: Any, index: Any, time: Any, state: Any, record: Any) -> Any:
-    """The times of the rows, and the record: by `Observer._timed`, or counted beside an index."""
-    if index is None or time is not None:
-        return observer._timed(time, state, record)
-    if state.time is not None:
-        first, period = float(as_seconds("y", index[:1])[0]), observer.sampling_period
-        off = abs(first - state.time - period)
-        if off > max(UNEVEN * period, 4 * np.spacing(first)):
-            gap = f"{first - state.time:.9g} s after the last row of the state"
-            raise InputError(
-                "y", f"has an index that begins at {index[0]}, {gap}, must go on by the sampling "
-                f"period of {period:g} s{observer._uneven_hint or '; for other times give time'}",
-            )  # fmt: skip
-    return observer._timed(None, replace(state, time=None), record)
-
-
-def stamped(state: Any, index: Any, time: Any) -> Any:
-    """The state after a run, with the time [s] of the last row in the index, if there is one."""
-    if index is None or time is not None:
-        return state
-    return replace(state, time=float(as_seconds("y", index[-1:])[0]))
+def _check_index(observer: Any, index: Any, last: float) -> None:
+    """Refuse an index that does not go on from the time [s] of a state."""
+    first, period = float(as_seconds("y", index[:1])[0]), observer.sampling_period
+    if abs(first - last - period) > max(UNEVEN * period, 4 * np.spacing(first)):
+        raise InputError(
+            "y", f"has an index that begins at {index[0]}, {first - last:.9g} s after the last row "
+            f"of the state, must go on by the sampling period of {period:g} s"
+            f"{observer._uneven_hint or '; for other times give time'}",
+        )  # fmt: skip
 
 
 def as_seconds(name: str, time: Any) -> Any:
@@ -121,7 +138,7 @@ def _arranged_pair(observer: Any, name: str, pair: Any, row: bool = False) -> An
 
 def _arranged(observer: Any, name: str, value: Any, row: bool = False) -> Any:
     """A frame, or with ``row`` a series of one sample, in the order of the model's signals."""
-    if type(value) in _PLAIN or not hasattr(value, "iloc"):
+    if type(value) in PLAIN or not hasattr(value, "iloc"):
         return value
     if row or hasattr(value, "columns"):
         model = getattr(getattr(observer, "filters", [observer])[0], "model", None)

@@ -23,8 +23,7 @@ from reobserve.core.covariances import as_covariance
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_floats, as_positive, as_row, as_samples, as_vector
-from reobserve.core.value import for_loop
-from reobserve.observers.batch_run import in_threads, part
+from reobserve.core.value import for_loop, read_only
 from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_state import (
     Correction,
@@ -52,6 +51,7 @@ from reobserve.observers.gaussian_state import (
     warn_of_start,
     warn_of_starts,
 )
+from reobserve.observers.many_records import in_threads, part
 from reobserve.observers.record import Batch, Record, Rows, check_state
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.systems.periods import wrapped
@@ -136,43 +136,23 @@ def can_run_together(records: Sequence[Record], states: Sequence[KalmanState]) -
     return alike and first_record.periods is None and "S" not in first_record.given
 
 
-def posteriors_of(observer: GaussianFilter, states: Sequence[KalmanState]) -> FilterPosteriors:
+def posteriors_of(states: Sequence[KalmanState], n: int, m: int) -> FilterPosteriors:
     """Copies of what the states hold, which the loops move."""
-    posteriors, learned = [state.posterior for state in states], observer.noise_memory is not None
-    return FilterPosteriors(
-        np.array([posterior.mean for posterior in posteriors]),
-        np.array([posterior.covariance for posterior in posteriors]),
-        np.array([posterior.error for posterior in posteriors]),
-        np.array([state.noise for state in states]) if learned else np.empty((len(states), 1)),
-        np.array([float(state.count + (state.sample is not None)) for state in states]),
-    )
-
-
-def run_together(
-    observer: GaussianFilter, records: Sequence[Record], states: Sequence[KalmanState]
-) -> Batch:
-    """Run the compiled loop on records that `can_run_together`."""
-    first, first_record = states[0], records[0]
-    given, fresh = observer._given(first_record.given, len(first_record.y)), first.sample is None
-    refuse_given(observer, given)
-    pairs = zip(states, records, strict=True)
-    inputs = np.array([inputs_of_rows(state.sample, record) for state, record in pairs])
-    y = np.array([record.y for record in records])
-    model, inputs, held = observer._in_record(given, y[0], inputs)
-    keep = observer._names_to_keep(given) if given else ()
-    after = posteriors_of(observer, states)
-    starts = after.covariances.diagonal(0, 1, 2).copy()
-    rows, kept, ends = observer._filtered(model, inputs, y, fresh, after, keep)
-    n, _, m = observer._sizes
-    if first.count <= n and n * m > 1:
-        P, S = (array[:, : n + 1] for array in rows[1:4:2])
-        warn_of_starts(starts, P.diagonal(0, 2, 3), ends[:, 0], S)
-    causes = observer.steps.causes
-    return Batch(
-        observer._by_name(rows, kept, keep), {}, ends[:, 0].tolist(),
-        [reached(after, r, states[r], records[r], held, observer._sizes) for r in range(len(y))],
-        [causes[cause] if cause else "" for cause in ends[:, 1].tolist()],
+    many = len(states)
+    copies = FilterPosteriors(
+        np.empty((many, n)), np.empty((many, n, n)), np.empty((many, m)), np.empty((many, m)),
+        np.empty(many),
     )  # fmt: skip
+    for r, state in enumerate(states):
+        posterior = state.posterior
+        copies.means[r], copies.covariances[r] = posterior.mean, posterior.covariance
+        copies.errors[r], copies.counts[r] = (
+            posterior.error,
+            state.count + (state.sample is not None),
+        )
+        if state.noise is not None:
+            copies.noises[r] = state.noise
+    return copies
 
 
 def innovation_deviation(observer: GaussianFilter, state: KalmanState) -> Array:
@@ -280,7 +260,7 @@ class GaussianFilter(Observer[KalmanState]):
             self.outliers == "inflate", forgetting(self.noise_memory, self.sampling_period),
         )  # fmt: skip
 
-    @property
+    @cached_property
     def _periods(self) -> Mapping[str, Array]:
         periods = self.model.state_periods
         return {} if periods is None else dict.fromkeys(("state", "predicted_state"), periods)
@@ -294,7 +274,7 @@ class GaussianFilter(Observer[KalmanState]):
         """The variances of R that an estimate starts from, shape (m,), or None."""
         return None if self.noise_memory is None else np.diag(self.whole.R).copy()
 
-    @property
+    @cached_property
     def whole(self) -> Any:
         """The model of all that is estimated, which is the filter's own but for unknown inputs."""
         return self.model
@@ -343,13 +323,15 @@ class GaussianFilter(Observer[KalmanState]):
         InputError
             If one of them is not that.
         """
-        n, m = self.whole.states, self.whole.outputs
-        posterior = Gaussian(
-            as_vector("mean", mean, n), as_covariance("covariance", covariance, n), np.zeros(m)
-        )
-        posterior = posterior._with(mean=wrapped(posterior.mean, periods_of(self)[0]))
-        before = sample_before(u, m, self.whole.inputs)
-        return KalmanState(posterior, before, noise=self._start_noise)
+        (n, p, m), periods, learned = self._sizes, self._rules.state_periods, self.noise_memory
+        x, P = as_vector("mean", mean, n), as_covariance("covariance", covariance, n)
+        if periods.any():
+            x = wrapped(x, periods)
+        return KalmanState._made(
+            posterior=Gaussian._made(mean=read_only(x), covariance=read_only(P), error=np.zeros(m)),
+            sample=None if u is None else sample_before(u, m, p), count=0, held=None, time=None,
+            noise=None if learned is None else self._start_noise, checked=self._sizes,
+        )  # fmt: skip
 
     def predict(self, posterior: Gaussian, u: ArrayLike = ()) -> Gaussian:
         """Time update with the input that is held over the step, shape (p,).
@@ -399,7 +381,7 @@ class GaussianFilter(Observer[KalmanState]):
         if np.isnan(taken).all():
             return Correction(posterior, np.full(m, np.nan), np.full((m, m), np.nan), 0.0)
         model, inputs, _ = self._in_record({}, taken[None], np.array([[control, control]]))
-        after = posteriors_of(self, [KalmanState(posterior, noise=self._start_noise)])
+        after = posteriors_of([KalmanState(posterior, noise=self._start_noise)], n, m)
         rows, _, ends = self._filtered(model, inputs, taken[None, None], True, after)
         if not ends[0, 0]:
             raise DivergenceError(type(self).__name__, 0.0, self.steps.causes.get(ends[0, 1], ""))
@@ -419,15 +401,12 @@ class GaussianFilter(Observer[KalmanState]):
         """The model over the rows of a record. ``periods`` lead to each of them, shape (k + 1,)."""
         return self.steps.in_record(self, given, y, inputs, held or {}, periods)
 
-    def _timed(
+    def _uneven(
         self, time: ArrayLike | None, state: KalmanState, record: Record
-    ) -> tuple[Array, Record]:
-        """The times of the rows, even or as the model can follow them."""
-        plain = time is None and not record.given and state.held is None
-        if plain or self.noise_memory is not None:  # which counts sampling periods
-            return super()._timed(time, state, record)
-        timed = uneven_times(self.whole, time, state, record)
-        return super()._timed(time, state, record) if timed is None else timed
+    ) -> tuple[Array, Record] | None:
+        if self.noise_memory is not None:  # which counts sampling periods
+            return None
+        return uneven_times(self.whole, time, state, record)
 
     @property
     def _uneven_hint(self) -> str:
@@ -510,26 +489,52 @@ class GaussianFilter(Observer[KalmanState]):
         return names
 
     def _fill(self, state: KalmanState, record: Record) -> Rows:
-        given = self._given(record.given, len(record.y)) if record.given else record.given
-        keep = self._names_to_keep(given) if given else ()
-        refuse_given(self, given)
-        y, posterior, fresh = record.y, state.posterior, state.sample is None
-        model, inputs, held = self._in_record(
-            given, y, inputs_of_rows(state.sample, record)[None], state.held, record.periods
+        batch, estimates = self._run_together([record], [state]), {}
+        for name, array in batch.estimates.items():
+            estimates[name] = array[0]
+        return Rows(estimates, batch.goods[0], batch.states[0], finding=batch.findings[0])
+
+    def _run_records(self, records: Sequence[Record], states: Sequence[KalmanState]) -> Batch:
+        if can_run_together(records, states):
+            return self._run_together(records, states)
+        return super()._run_records(records, states)  # what leads to each row differs
+
+    def _run_together(self, records: Sequence[Record], states: Sequence[KalmanState]) -> Batch:
+        """Run the compiled loop on records to whose rows the same matrices lead."""
+        first, first_record, given = states[0], records[0], records[0].given
+        (n, _, m), keep = self._sizes, self._names_to_keep(given) if given else ()
+        if given:
+            given = self._given(given, len(first_record.y))
+            refuse_given(self, given)
+        y, inputs = [], []
+        for state, record in zip(states, records, strict=True):
+            y.append(record.y)
+            inputs.append(inputs_of_rows(state.sample, record))
+        alone = len(records) == 1
+        model, known, held = self.steps.in_record(
+            self, given, first_record.y, inputs[0][None] if alone else np.array(inputs),
+            first.held or {}, first_record.periods,
         )  # fmt: skip
-        after = posteriors_of(self, [state])
-        rows, kept, ends = self._filtered(model, inputs, y[None], fresh, after, keep)
-        estimates = self._by_name(
-            FilterRows(*[array[0] for array in rows]),
-            None if kept is None else PredictedRows(kept[0][0], kept[1][0], kept[2][0]), keep,
-        )  # fmt: skip
-        last = reached(after, 0, state, record, held, self._sizes)
-        good, cause = ends[0].tolist()
-        n, _, m = self._sizes
-        if state.count <= n and n * m > 1:  # of one number Joseph's form loses nothing
-            P, S = (array[0, : min(good, n + 1)] for array in rows[1:4:2])
-            warn_of_start(posterior.covariance.diagonal(), P.diagonal(0, 1, 2), 5, S)
-        return Rows(estimates, good, last, finding=self.steps.causes[cause] if cause else "")
+        after = posteriors_of(states, n, m)
+        starts = after.covariances.diagonal(0, 1, 2).copy()
+        rows, kept, ends = self._filtered(
+            model, known, y[0][None] if alone else np.array(y), first.sample is None, after, keep
+        )
+        if first.count <= n and n * m > 1:  # of one number Joseph's form loses nothing
+            P, S = rows.covariance[:, : n + 1], rows.innovation_covariance[:, : n + 1]
+            P = P.diagonal(0, 2, 3)
+            if alone:
+                good = ends[0, 0]
+                warn_of_start(starts[0], P[0, :good], S[0, :good])
+            else:
+                warn_of_starts(starts, P, ends[:, 0], S)
+        reached_states, findings, causes = [], [], self.steps.causes
+        for r, cause in enumerate(ends[:, 1].tolist()):
+            reached_states.append(reached(after, r, states[r], records[r], held, self._sizes))
+            findings.append(causes[cause] if cause else "")
+        return Batch(
+            self._by_name(rows, kept, keep), {}, ends[:, 0].tolist(), reached_states, findings
+        )
 
     @cached_property
     def _sizes(self) -> tuple[int, int, int]:
@@ -538,7 +543,8 @@ class GaussianFilter(Observer[KalmanState]):
     def _checked(self, state: Any) -> KalmanState:
         checked = type(state) is KalmanState and vars(state).get("checked") == self._sizes
         if checked and (state.noise is None) is (self.noise_memory is None):
-            check_held(state.held, self)  # which may be of a model with other parameters
+            if state.held is not None:  # which may be of a model with other parameters
+                check_held(state.held, self)
             return state  # type: ignore[no-any-return]
         given = check_state(state, KalmanState, "")
         n, p, m = self._sizes
@@ -550,8 +556,3 @@ class GaussianFilter(Observer[KalmanState]):
         if same and held is None:
             return given
         return KalmanState(posterior, sample, given.count, held, time, noise)
-
-    def _run_records(self, records: Sequence[Record], states: Sequence[KalmanState]) -> Batch:
-        if can_run_together(records, states):
-            return run_together(self, records, states)
-        return super()._run_records(records, states)  # what leads to each row differs

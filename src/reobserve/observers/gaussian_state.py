@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -41,14 +42,12 @@ class VagueStartWarning(UserWarning):
         return self.sentence.format(at=f"row {self.row}")
 
 
-def warn_of_start(
-    start: Array, variances: Array, level: int = 5, innovations: Array | None = None
-) -> bool:
+def warn_of_start(start: Array, variances: Array, innovations: Array | None = None) -> bool:
     """Warn the caller of `run` or `step` if a variance falls too far in one of the first rows.
 
     ``start`` are the variances before them, (n,), and ``variances`` those after each, (k, n);
     ``innovations`` are the covariances of the innovations, (k, m, m), which say it of measurements.
-    True if there was a warning; ``level`` is that of the caller.
+    True if there was a warning.
     """
     before = start.tolist()
     for row, now in enumerate(variances.tolist()):  # few: numpy takes longer
@@ -56,7 +55,7 @@ def warn_of_start(
             if last > FILTERED * after > 0.0:  # zero is known, not vague
                 _warn(
                     f"the variance of state {state + 1} falls from {last:g} to {after:g} at {{at}}",
-                    row, REMEDY, level,
+                    row, REMEDY,
                 )  # fmt: skip
                 return True
         before = now
@@ -68,7 +67,7 @@ def warn_of_start(
                 "measurements of the same are far more precise than their prediction at "
                 "{at}: the covariance of their innovation is nearly singular (its correlation "
                 f"matrix has the eigenvalue {least[row]:.1g})",
-                row, REMEDY, level,
+                row, REMEDY,
             )  # fmt: skip
             return True
     return False
@@ -98,8 +97,7 @@ def warn_of_starts(
         doubtful |= (least * FILTERED < 1.0).any(axis=1)
     for record in np.flatnonzero(doubtful):
         last = goods[record]
-        parts = starts[record], variances[record, :last], 8, innovations[record, :last]
-        if warn_of_start(*parts):
+        if warn_of_start(starts[record], variances[record, :last], innovations[record, :last]):
             return
 
 
@@ -111,13 +109,17 @@ def warn_of_smoothed(filtered: Array, smoothed: Array) -> None:
         _warn(
             f"the variance of state {state + 1} is {filtered[row, state]:g} at {{at}} before, "
             f"and {smoothed[row, state]:g} after smoothing",
-            row, f"{REMEDY}, or smooth with a short `lag`", 4,
+            row, f"{REMEDY}, or smooth with a short `lag`",
         )  # fmt: skip
 
 
-def _warn(problem: str, row: int, remedy: str, level: int) -> None:
+def _warn(problem: str, row: int, remedy: str) -> None:
+    """Warn at the line that called the library."""
     sentence = f"covariance: {problem}, so that rounding leaves few digits of it; {remedy}"
-    warnings.warn(VagueStartWarning(sentence, row), stacklevel=level)
+    frame, level = sys._getframe(1), 2
+    while frame.f_back and frame.f_back.f_globals.get("__name__", "").startswith("reobserve."):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(VagueStartWarning(sentence, row), stacklevel=level + 1)
 
 
 LEAST = 0.1  # of the variance of an innovation: the estimate then takes a hundred memories

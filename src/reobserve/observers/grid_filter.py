@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,7 +16,6 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.finite import finite
 from reobserve.core.matrices import all_finite, as_floats, as_numbers, as_scalar
 from reobserve.core.value import read_only
-from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_state import inputs_of_rows
 from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
@@ -192,10 +192,10 @@ class GridFilter(IMM):
             noise_memory=noise_memory,
         )  # fmt: skip
 
-    @property
+    @cached_property
     def inputs(self) -> int:
         """The number of known inputs in a row of u."""
-        own = super().inputs
+        own = self._sizes[2]
         return own if self.periods_late is None else own // 2
 
     def _checked(self, state: Any) -> ImmState:
@@ -212,10 +212,8 @@ class GridFilter(IMM):
             raise InputError("state.past", "is missing: the state is of no filter of a delay")
         return checked
 
-    def _timed(
-        self, time: ArrayLike | None, state: ImmState, record: Record
-    ) -> tuple[Array, Record]:
-        return Observer._timed(self, time, state, record)  # as its chain is that of a period
+    def _uneven(self, time: ArrayLike | None, state: ImmState, record: Record) -> None:
+        """None: its chain is that of a period."""
 
     def _inputs(self, state: ImmState, record: Record) -> tuple[Array, Array | None]:
         if self.periods_late is None:

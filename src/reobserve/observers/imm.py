@@ -656,9 +656,14 @@ class IMM(Observer[ImmState]):
         assert refused is not None
         raise refused
 
-    @property
+    @cached_property
+    def _sizes(self) -> tuple[int, int, int, int]:
+        """The numbers of filters, states, inputs of a filter, and outputs."""
+        return len(self.filters), *size_of(self.filters[0])
+
+    @cached_property
     def _periods(self) -> Mapping[str, Array]:
-        periods, _ = periods_of(self.filters[0])
+        periods = self._rules.state_periods
         return {"state": periods} if periods.any() else {}
 
     @cached_property
@@ -667,17 +672,17 @@ class IMM(Observer[ImmState]):
         weight = forgetting(self.noise_memory, self.sampling_period)
         return Rules(*periods_of(self.filters[0]), np.inf, False, weight)
 
-    @property
+    @cached_property
     def measurements(self) -> int:
         """The number of measurements in a row of y."""
-        return size_of(self.filters[0])[2]
+        return self._sizes[3]
 
-    @property
+    @cached_property
     def inputs(self) -> int:
         """The number of known inputs in a row of u."""
-        return size_of(self.filters[0])[1]
+        return self._sizes[2]
 
-    @property
+    @cached_property
     def component_names(self) -> Mapping[str, AxisNames]:
         """Names of components of estimates, by the model of the first filter."""
         first = self.filters[0]
@@ -714,23 +719,39 @@ class IMM(Observer[ImmState]):
         InputError
             If one of them is not that, or the probabilities do not sum to one.
         """
-        r, (n, _, m), inputs = len(self.filters), size_of(self.filters[0]), self.inputs
+        (r, n, _, m), periods = self._sizes, self._rules.state_periods
         means = as_floats("mean", mean)
         if means.shape not in ((n,), (r, n)):
             raise InputError("mean", f"has shape {means.shape}, must be ({n},) or ({r}, {n})")
-        means = wrapped(np.broadcast_to(means, (r, n)), periods_of(self.filters[0])[0])
+        means = np.broadcast_to(means, (r, n))
+        means = wrapped(means, periods) if periods.any() else means.copy()
         covariances = as_covariances("covariance", covariance, n, r)
         covariances = np.broadcast_to(covariances, (r, n, n)).copy()
         chosen = np.full(r, 1.0 / r) if probabilities is None else probabilities
         with np.errstate(divide="ignore"):
             logarithms = np.log(as_probabilities("probabilities", chosen, r))
-        held, noise = sample_before(u, m, inputs), None
+        held, noise = None if u is None else sample_before(u, m, self.inputs), None
         if self.noise_memory is not None:
             noise = np.diag(self._linear[0].model.R).copy()
-        return ImmState(means, covariances, np.zeros((r, m)), logarithms, held, noise=noise)
+        return self._state(means, covariances, np.zeros((r, m)), logarithms, held, noise=noise)
+
+    def _state(
+        self, means: Array, covariances: Array, errors: Array, log_probabilities: Array,
+        sample: Array | None, count: int = 0, held: tuple[Matrices, ...] | None = None,
+        time: float | None = None, noise: Array | None = None, past: Array | None = None,
+    ) -> ImmState:  # fmt: skip
+        """A state that needs no check by this bank."""
+        return ImmState._made(
+            means=means, covariances=covariances, errors=errors,
+            log_probabilities=log_probabilities, sample=sample, count=count, held=held, time=time,
+            noise=noise, past=past, checked=self._sizes,
+        )  # fmt: skip
 
     def _checked(self, state: Any) -> ImmState:
-        r, (n, _, m), inputs = len(self.filters), size_of(self.filters[0]), self.inputs
+        (r, n, _, m), inputs = self._sizes, self.inputs
+        checked = type(state) is ImmState and vars(state).get("checked") == self._sizes
+        if checked and state.held is None and (state.noise is None) is (self.noise_memory is None):
+            return state  # type: ignore[no-any-return]
         shapes = [np.shape(getattr(state, part, ())) for part in ("means", "covariances", "errors")]
         given = check_state(
             state, ImmState,
@@ -760,27 +781,29 @@ class IMM(Observer[ImmState]):
             given, log_probabilities=logarithms, sample=sample, held=held, time=time, noise=noise
         )
 
-    def _timed(
+    def _uneven(
         self, time: ArrayLike | None, state: ImmState, record: Record
-    ) -> tuple[Array, Record]:
+    ) -> tuple[Array, Record] | None:
         able = (
             self._linear
             and self.noise_memory is None
             and all(mode.model.density is not None or "Q" in record.given for mode in self._linear)
         )
-        timed = uneven_times(self.filters[0].model, time, state, record) if able else None
-        return super()._timed(time, state, record) if timed is None else timed
+        return uneven_times(self.filters[0].model, time, state, record) if able else None
 
     def _fill(self, state: ImmState, record: Record) -> Rows:
-        r, (n, _, m), k = len(self.filters), size_of(self.filters[0]), len(record.y)
-        parts = state.means, state.covariances, state.errors, state.log_probabilities
-        noise = np.ones(m) if state.noise is None else state.noise.copy()
-        count = np.array([float(state.count + (state.sample is not None))])
-        posteriors = Posteriors(*(part.copy() for part in (*parts, noise, count)))
+        (r, n, _, m), k = self._sizes, len(record.y)
+        posteriors = Posteriors(
+            state.means.copy(), state.covariances.copy(), state.errors.copy(),
+            state.log_probabilities.copy(),
+            np.ones(m) if state.noise is None else state.noise.copy(),
+            np.array([float(state.count + (state.sample is not None))]),
+        )  # fmt: skip
         (inputs, past), fresh = self._inputs(state, record), state.sample is None
         gated, learned = self.gate is not None, self.noise_memory is not None
         rows, held = new_bank_rows(k, r, n, m, gated, learned), None
-        refuse_given(self, record.given)
+        if record.given:
+            refuse_given(self, record.given)
         why = ""
         if not self._linear:
             if record.given:
@@ -794,10 +817,10 @@ class IMM(Observer[ImmState]):
             with RaisedAfterLoop():
                 good = run_bank(
                     Bank(
-                        model, self._parameters, for_loop(self.transition),
+                        model, self._parameters, self._chance,
                         self.mixing, np.inf if self.gate is None else self.gate,
                     ),
-                    self._linear[0].method.function, posteriors, record.y, inputs, fresh,
+                    self._gain, posteriors, record.y, inputs, fresh,
                     new_bank_work(posteriors, self.mixing, self._rules), rows,
                 )  # fmt: skip
         variance = rows.covariance.diagonal(axis1=1, axis2=2)
@@ -809,7 +832,7 @@ class IMM(Observer[ImmState]):
             del estimates["outlier"]
         if not learned:
             del estimates["noise_variance"]
-        reached = ImmState(
+        reached = self._state(
             *posteriors[:4], np.concatenate([record.y[-1], record.u[-1]]),
             state.count + k - fresh, held,
             None if record.time is None else float(record.time[-1]),
@@ -867,6 +890,16 @@ class IMM(Observer[ImmState]):
         ]
         alike = {(kf.method.function, len(kf.method.parameters)) for kf in linear}
         return linear if len(linear) == len(self.filters) and len(alike) == 1 else []
+
+    @cached_property
+    def _chance(self) -> Array:
+        """The transition as the loop takes it."""
+        return for_loop(self.transition)
+
+    @cached_property
+    def _gain(self) -> Any:
+        """The gain function of the filters."""
+        return self._linear[0].method.function
 
     @cached_property
     def _model(self) -> ModelRows:

@@ -1,6 +1,6 @@
 """The Kalman filter (Kalman 1960), in predictor-corrector form with Joseph's covariance.
 
-The compiled loop is `reobserve.observers.linear_loop.run_linear`.
+The compiled loop is `reobserve.observers.kalman.run_linear`.
 """
 
 from __future__ import annotations

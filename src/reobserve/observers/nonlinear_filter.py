@@ -478,7 +478,7 @@ def correct(
     """Correct in place by the measurement, and return the log-likelihood, nan if it fails.
 
     ``innovation`` is written, and the lower Cholesky factor of its covariance S to ``work``;
-    ``variances`` and ``weight`` are those of `linear_steps.correct`.
+    ``variances`` and ``weight`` are those of `kalman.correct`.
     """
     functions = model.functions
     work.cause[0] = 0

@@ -144,14 +144,14 @@ FILTER = """
 import sys, numpy as np
 from numba.core import event
 with event.install_recorder("numba:compile") as compiled:
-    from reobserve.observers import linear_loop
+    from reobserve.observers import kalman
     from reobserve.observers.kalman import KalmanFilter
     from reobserve.systems.linear import LinearModel
     one = np.eye(1)
     kalman = KalmanFilter(LinearModel(one, one, one, Q=1.0, R=1.0, sampling_period=1.0))
     kalman.run(np.ones((3, 1)), np.ones((3, 1)), state=kalman.init([0.0], 1.0))
-print(linear_loop.__file__)
-print(sum(linear_loop.run_linear.stats.cache_hits.values()), len(compiled.buffer))
+print(kalman.__file__)
+print(sum(kalman.run_linear.stats.cache_hits.values()), len(compiled.buffer))
 """
 
 
@@ -171,7 +171,7 @@ def test_filter_is_loaded_in_a_copy_with_edits_that_it_does_not_import(
             stream.write("# edited\n")
     done = forks.run(tmp_path, RELOAD + FILTER, **cache)
     assert done.stderr == ""
-    assert done.stdout == f"{copy / 'observers/linear_loop.py'}\n1 0\n"
+    assert done.stdout == f"{copy / 'observers/kalman.py'}\n1 0\n"
 
 
 def test_unwritable_cache_folder_only_costs_time(run: Run, package: Path) -> None:

@@ -20,10 +20,10 @@ from reobserve import (
     rts_smoother,
 )
 from reobserve.observers import (
-    batch_run,
     gaussian_filter,
     imm,
     kalman,
+    many_records,
     nonlinear_filter,
 )
 from tests.reobserve.observers.by_row import (
@@ -66,7 +66,7 @@ def test_many_records_give_the_bits_of_each_alone(
     one, (y, u) = GIVEN[kind](), records()
     if threads:
         monkeypatch.setattr(gaussian_filter, "ROWS_FOR_THREADS", 1)
-        monkeypatch.setattr(batch_run, "cores", lambda: 2)
+        monkeypatch.setattr(many_records, "cores", lambda: 2)
     states = [one.observer.init(np.add(one.mean, 0.1 * r), 0.5) for r in range(3)]
     first, second = slice(0, 5), slice(5, ROWS)
     for inputs in (u, u[0]):

@@ -344,7 +344,7 @@ LATE = {
     "reobserve_papers.plotting.latex_text",
     "reobserve_papers.plants.first_order_lag",  # of the two the one that a scenario names
     "reobserve_papers.plants.pendulum",
-    "reobserve.observers.batch_run",  # and for many records at once
+    "reobserve.observers.many_records",  # and for many records at once
     "reobserve.observers.run_plot",  # and when a run is plotted
     "reobserve.observers.run_diagnostics",  # and when it is asked for its diagnostics
     "reobserve.core.chi_squared",

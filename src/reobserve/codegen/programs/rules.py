@@ -14,7 +14,7 @@ from reobserve.observers.kalman import BEGUN
 
 Array = NDArray[np.float64]
 
-# S or e may be left out of, or widened, by the gate; see `filter_rules.gate`.
+# S or e may be left out of, or widened, by the gate; see `kalman.gate`.
 _GATE = """\
 for (int32_t i = 0; i < {m}; ++i) {{
     const double deviations = {e}[i] / sqrt({S}[i][i]);
@@ -31,7 +31,7 @@ _INFLATE = (
     "        {noise}[i][i] += wider - {S}[i][i];\n        {S}[i][i] = wider;"
 )
 
-# What a row says of the variances of R, by L w = R_o; see `filter_rules.learn_noise`.
+# What a row says of the variances of R, by L w = R_o; see `kalman.learn_noise`.
 _LEARN = """\
 for (int32_t o = 0; o < {m}; ++o) {{
     double known = 0.0;

@@ -254,8 +254,8 @@ def _nonlinear_filters() -> Iterator[Call]:
     yield Call("systems.nonlinear.NonlinearModel.with_parameter_states", with_states, (1e-6,))
     y, u = np.sin(HALF)[:20, None], np.ones((20, 1))
     made: dict[str, tuple[Any, ...]] = {
-        "observers.extended_kalman.ExtendedKalmanFilter": (model,),
-        "observers.unscented_kalman.UnscentedKalmanFilter": (model, 0.5, 2.0, 1.0),
+        "observers.nonlinear_filter.ExtendedKalmanFilter": (model,),
+        "observers.nonlinear_filter.UnscentedKalmanFilter": (model, 0.5, 2.0, 1.0),
     }
     for call in called(made):
         yield call

@@ -41,7 +41,7 @@ def part(arrays: Any, cut: slice) -> Any:
     return type(arrays)(*[array[cut] for array in arrays])
 
 
-def run_batch(
+def run_many(
     observer: Observer[Any], y: Any, u: Any, state: Any, time: ArrayLike | None, loud: bool,
     given: Mapping[str, Any],
 ) -> Run[Any]:  # fmt: skip
@@ -81,11 +81,12 @@ def run_batch(
             for values in (*result.estimates.values(), *result.before.values()):
                 if values.flags.writeable:  # else a view of another one
                     values[r, good:] = np.nan
+    units = {name: observer.units.get(name, "") for name in result.estimates}
     missing = [
         0 if all_finite(entry.y) else int(np.isnan(entry.y).any(axis=1).sum()) for entry in records
     ]
     return Run(
-        times, result.estimates, observer._units_of(result.estimates), tuple(result.states),
+        times, result.estimates, units, tuple(result.states),
         diverged_at if np.isfinite(diverged_at).any() else None, result.before,
         np.array(missing), observer.component_names, periods=observer._periods,
     )  # fmt: skip
