@@ -159,7 +159,12 @@ class Observer(Value, ABC, Generic[StateKind]):
         DivergenceError
             As `run`.
         """
-        if type(y) not in dataframes.PLAIN or type(u) not in dataframes.PLAIN or before or middle:
+        if (
+            type(y) not in dataframes.PLAIN
+            or type(u) not in dataframes.PLAIN
+            or before is not None
+            or middle is not None
+        ):
             y, u, before, middle = dataframes.read_rows(self, y, u, before, middle)
         record = self._read(
             as_row("y", y), None if u is None else as_row("u", u),

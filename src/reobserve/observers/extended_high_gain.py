@@ -8,7 +8,6 @@ step the inputs are interpolated by a parabola through their three samples.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -24,7 +23,7 @@ from reobserve.core.value import Value, converter, for_loop
 from reobserve.observers.contract import Observer
 from reobserve.observers.extended_high_gain_loop import run
 from reobserve.observers.fixed_step import Steps
-from reobserve.observers.record import Record, Rows, check_state
+from reobserve.observers.record import Record, Rows, check_state, warn_caller
 from reobserve.observers.row_derivatives import as_signal_rows, completed, latest
 from reobserve.synthesis.high_gain_design import high_gain, high_gain_over_time
 from reobserve.systems.triangular import TriangularModel
@@ -209,12 +208,10 @@ class ExtendedHighGainObserver(Observer[ExtendedHighGainState]):
         off = rows.estimates["switched_off"][state.sample is None : rows.finite]
         # No warning in single steps: each one with the gain off would warn.
         if len(record.y) > 1 and len(off) and float(np.min(off)) >= 1.0:
-            warnings.warn(
+            warn_caller(SwitchedOffWarning(
                 f"threshold: {self.threshold:g} is above |xi^| for 100 % of the record, so the "
-                "delay was never observed; lower it",
-                SwitchedOffWarning,
-                stacklevel=3,
-            )
+                "delay was never observed; lower it"
+            ))  # fmt: skip
         after = rows.state._with(recent=latest(state.recent, record.u[:, 0]))
         return rows._replace(state=after)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
@@ -14,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import all_finite, as_numbers, as_row, as_samples, as_scalar
 from reobserve.core.value import Value, for_loop, read_only
-from reobserve.observers.record import Record, check_state
+from reobserve.observers.record import Record, check_state, warn_caller
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
@@ -116,10 +114,7 @@ def warn_of_smoothed(filtered: Array, smoothed: Array) -> None:
 def _warn(problem: str, row: int, remedy: str) -> None:
     """Warn at the line that called the library."""
     sentence = f"covariance: {problem}, so that rounding leaves few digits of it; {remedy}"
-    frame, level = sys._getframe(1), 2
-    while frame.f_back and frame.f_back.f_globals.get("__name__", "").startswith("reobserve."):
-        frame, level = frame.f_back, level + 1
-    warnings.warn(VagueStartWarning(sentence, row), stacklevel=level + 1)
+    warn_caller(VagueStartWarning(sentence, row))
 
 
 LEAST = 0.1  # of the variance of an innovation: the estimate then takes a hundred memories

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -146,3 +148,11 @@ def check_state(
     if (time := getattr(state, "time", None)) is not None:
         as_scalar(f"{name}.time", time)
     return replace(state, **changed) if changed else state  # type: ignore[type-var]
+
+
+def warn_caller(warning: Warning) -> None:
+    """Warn at the line that called the library."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back and frame.f_back.f_globals.get("__name__", "").startswith("reobserve."):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(warning, stacklevel=level + 1)

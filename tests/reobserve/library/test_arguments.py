@@ -15,7 +15,7 @@ from reobserve.core.matrices import as_floats, as_matrix, as_numbers, as_row, as
 from reobserve.core.vector_field import vector_field
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.ilo_sampled import SampledILO
-from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.kalman import KalmanFilter, run_linear
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.rigid_body import RigidBody
@@ -142,12 +142,12 @@ def test_record_types_do_not_affect_compilation_or_bits() -> None:
     start = kalman.init([0, 0], 1)
     z, u = np.arange(12.0)[:, None] % 5, np.ones((12, 1))
     wanted = kalman.run(z, u, state=start)["state"]
-    compiled = len(kalman.run_linear.signatures)  # type: ignore[attr-defined]
+    compiled = len(run_linear.signatures)  # type: ignore[attr-defined]
     frozen = z.copy()
     frozen.flags.writeable = False
     for other in (frozen, z.tolist(), z.astype(np.float32), z.astype(int), pd.DataFrame(z)):
         assert np.array_equal(kalman.run(other, u.tolist(), state=start)["state"], wanted)
-    assert len(kalman.run_linear.signatures) == compiled  # type: ignore[attr-defined]
+    assert len(run_linear.signatures) == compiled  # type: ignore[attr-defined]
 
 
 def test_objects_in_the_wrong_place_are_refused() -> None:
