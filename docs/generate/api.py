@@ -93,7 +93,8 @@ def public_names(source: Path) -> str:
         tree = ast.parse(file.read_text(encoding="utf-8"))
         (found,) = (node for node in tree.body if getattr(node, "name", "") == name)
         # An algorithm is a file: it says better what it is than the class.
-        is_algorithm = home.startswith("observers.") and home.rpartition(".")[2] != "run"
+        alone = list(reobserve._HOME.values()).count(home) == 1
+        is_algorithm = alone and home.startswith("observers.") and not home.endswith(".run")
         documented = tree if is_algorithm and isinstance(found, ast.ClassDef) else found
         assert isinstance(documented, ast.Module | ast.ClassDef | ast.FunctionDef)
         summary = ticks(first_sentence(ast.get_docstring(documented)))
@@ -132,9 +133,26 @@ def _pages_of(root: Path, package: Path, part: str, text: str) -> Iterator[Page]
         page = "/".join(short.split("."))
         path = f"{page}/index.md" if (package / part / page).is_dir() else f"{page}.md"
         listed.append((f"[{code(short)}]({path})", summary))
-        yield Page(f"{folder}/{part}/{path}", short.rpartition(".")[2], f"::: {name}\n")
+        shown = f"::: {name}\n"
+        if members := _members(root, name):
+            shown += f"    options:\n      members: [{', '.join(members)}]\n"
+        yield Page(f"{folder}/{part}/{path}", short.rpartition(".")[2], shown)
     body = f"# {code(whole)}\n\n{text}.\n\n{table(('module', 'description'), listed)}"
     yield Page(f"{folder}/{part}/index.md", part, body)
+
+
+def _members(root: Path, module: str) -> list[str]:
+    """What the page of a module with public names shows: these, and what pages name of it."""
+    public = {name for name, home in reobserve._HOME.items() if f"reobserve.{home}" == module}
+    if not public:
+        return []
+    written = "\n".join(
+        page.read_text(encoding="utf-8") for page in (root / "docs/pages").rglob("*.md")
+    )
+    named = re.findall(rf"\]\[{re.escape(module)}\.(\w+)", written)
+    for listed in re.findall(rf"from {re.escape(module)} import ([\w, ]+)", written):
+        named += listed.split(", ")
+    return sorted(public.union(named))
 
 
 def _public_names(tree: ast.Module) -> list[str]:

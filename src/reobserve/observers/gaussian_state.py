@@ -1,4 +1,10 @@
-"""Estimates by mean and covariance, the states of filters that make them, and their checks."""
+"""Estimates by mean and covariance, the states of filters that make them, checks and warnings.
+
+A correction from the variance p to the variance q leaves of 16 digits about 16 - log10(p / q): the
+covariance after it is the small difference of large numbers. So it is with two measurements of one
+quantity that are far more precise than it is known: the covariance of their innovations is then
+nearly singular. `VagueStartWarning` says so.
+"""
 
 from __future__ import annotations
 
@@ -16,163 +22,6 @@ from reobserve.observers.record import Record, check_state, warn_caller
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
-
-FILTERED = 1e12  # how far the variance of a state may fall from one row to the next
-SMOOTHED = 1e10  # or by what later rows say of it
-
-REMEDY = (
-    "begin with a smaller covariance, and give less process noise, so that measurements are "
-    "predicted with variances of at most 1e10 times R"
-)
-
-
-class VagueStartWarning(UserWarning):
-    """The covariance of a start is so large beside that of measurements that digits are lost.
-
-    ``row`` is that of the run, and ``sentence`` has ``{at}`` in its place.
-    """
-
-    def __init__(self, sentence: str, row: int) -> None:
-        super().__init__(sentence, row)
-        self.sentence, self.row = sentence, row
-
-    def __str__(self) -> str:
-        return self.sentence.format(at=f"row {self.row}")
-
-
-def warn_of_start(start: Array, variances: Array, innovations: Array | None = None) -> bool:
-    """Warn the caller of `run` or `step` if a variance falls too far in one of the first rows.
-
-    ``start`` are the variances before them, (n,), and ``variances`` those after each, (k, n);
-    ``innovations`` are the covariances of the innovations, (k, m, m), which say it of measurements.
-    True if there was a warning.
-    """
-    before = start.tolist()
-    for row, now in enumerate(variances.tolist()):  # few: numpy takes longer
-        for state, (last, after) in enumerate(zip(before, now, strict=True)):
-            if last > FILTERED * after > 0.0:  # zero is known, not vague
-                _warn(
-                    f"the variance of state {state + 1} falls from {last:g} to {after:g} at {{at}}",
-                    row, REMEDY,
-                )  # fmt: skip
-                return True
-        before = now
-    if innovations is not None and innovations.shape[1] > 1:
-        least = _least(innovations)
-        row = int(np.argmin(least)) if len(least) else 0
-        if len(least) and least[row] * FILTERED < 1.0:
-            _warn(
-                "measurements of the same are far more precise than their prediction at "
-                "{at}: the covariance of their innovation is nearly singular (its correlation "
-                f"matrix has the eigenvalue {least[row]:.1g})",
-                row, REMEDY,
-            )  # fmt: skip
-            return True
-    return False
-
-
-def _least(innovations: Array) -> Array:
-    """The least eigenvalues of correlation matrices, (..., k), with ones for what is missing."""
-    size = innovations.shape[-1]
-    known = np.where(np.isnan(innovations), np.eye(size), innovations)
-    deviations = np.sqrt(known.diagonal(axis1=-2, axis2=-1))
-    correlations = known / deviations[..., :, None] / deviations[..., None, :]
-    return np.asarray(np.linalg.eigvalsh(correlations)[..., 0], dtype=np.float64)
-
-
-def warn_of_starts(
-    starts: Array, variances: Array, goods: NDArray[np.int64], innovations: Array
-) -> None:
-    """Do so for the first of many records with such a start.
-
-    The arrays are those of `warn_of_start`, of each record; ``goods`` are the good rows of each.
-    """
-    before = np.concatenate([starts[:, None], variances[:, :-1]], axis=1)
-    doubtful = (before / FILTERED > variances).any(axis=(1, 2))
-    if innovations.shape[-1] > 1:
-        good = np.arange(innovations.shape[1]) < goods[:, None]
-        least = _least(np.where(good[..., None, None], innovations, np.nan))
-        doubtful |= (least * FILTERED < 1.0).any(axis=1)
-    for record in np.flatnonzero(doubtful):
-        last = goods[record]
-        if warn_of_start(starts[record], variances[record, :last], innovations[record, :last]):
-            return
-
-
-def warn_of_smoothed(filtered: Array, smoothed: Array) -> None:
-    """Warn if smoothed variances, (k, n), are too far below those of the filter, or negative."""
-    falls = smoothed * SMOOTHED < filtered
-    if falls.any():
-        row, state = np.argwhere(falls)[0].tolist()
-        _warn(
-            f"the variance of state {state + 1} is {filtered[row, state]:g} at {{at}} before, "
-            f"and {smoothed[row, state]:g} after smoothing",
-            row, f"{REMEDY}, or smooth with a short `lag`",
-        )  # fmt: skip
-
-
-def _warn(problem: str, row: int, remedy: str) -> None:
-    """Warn at the line that called the library."""
-    sentence = f"covariance: {problem}, so that rounding leaves few digits of it; {remedy}"
-    warn_caller(VagueStartWarning(sentence, row))
-
-
-LEAST = 0.1  # of the variance of an innovation: the estimate then takes a hundred memories
-
-
-def refuse_given(observer: Any, given: Mapping[str, Any]) -> None:
-    """Refuse what cannot be given to a filter that has a gate or estimates R."""
-    if observer.gate is not None and "S" in given:
-        problem = "must be left out with a gate: by S a rejected measurement moves the next state"
-        raise InputError("S", problem)
-    if observer.noise_memory is None:
-        return
-    for name, why in (
-        ("R", "noise_memory says that it is estimated"),
-        ("S", "it would be that of another R than the one that noise_memory estimates"),
-        ("dt", "noise_memory counts sampling periods"),
-    ):
-        if name in given:
-            raise InputError(name, f"must be left out: {why}")
-
-
-def check_noise_memory(observer: Any) -> None:
-    """Refuse a memory that is shorter than a row, or an R that can hardly be seen.
-
-    The latter is decided for linear models, by the covariance that the filter comes to.
-    """
-    memory, period = observer.noise_memory, observer.sampling_period
-    if not observer.has_kalman_gain:
-        problem = f"must be left out: {type(observer).__name__} has another gain than Kalman's"
-        raise InputError("noise_memory", problem)
-    if memory < period:
-        problem = f"{memory:g} s must be the sampling period, {period:g} s, or longer"
-        raise InputError("noise_memory", problem)
-    model = observer.whole
-    if not isinstance(model, LinearModel):
-        return
-    from reobserve.synthesis.linear_gain import steady_kalman_gain
-
-    try:
-        gain = steady_kalman_gain(model)
-    except InputError as error:
-        problem = f"cannot be used: the filter comes to no rest: {error.problem}"
-        raise InputError("noise_memory", problem) from None
-    # R S^-1 = I - C K
-    innovation = np.linalg.solve(np.eye(model.outputs) - model.C @ gain, model.R)
-    share = np.diag(model.R) / np.diag(innovation)
-    worst = int(np.argmin(share))
-    if share[worst] < LEAST:
-        names = model.output_names
-        name = f"output {worst + 1}" if names is None else names[worst]
-        problem = (
-            f"cannot be used: the noise of {name} is {share[worst]:.2g} of the variance of its "
-            f"innovation, so that its estimate would take {share[worst] ** -2:.3g} memories; it "
-            f"must be {LEAST:g} or more"
-        )
-        raise InputError("noise_memory", problem)
-
-
 Matrices = Mapping[str, Array]
 
 
@@ -236,6 +85,36 @@ class ModeFilter(Protocol):
         """The predicted posterior after y, nan where missing, measured with the input u."""
 
 
+class Rules(NamedTuple):
+    """Settings of a filter beside its model.
+
+    ``state_periods`` (n,) and ``output_periods`` (m,) are those of angles, 0 for none. Innovations
+    beyond ``gate`` deviations are left out, or ``inflates`` their variance; inf is no gate. R is
+    estimated with the weight ``forgetting`` of a row, 0 if it is known.
+    """
+
+    state_periods: Array
+    output_periods: Array
+    gate: float
+    inflates: bool
+    forgetting: float
+
+
+def forgetting(memory: float | None, period: float) -> float:
+    """The weight of a row in an estimate of R with a memory [s], 0 if R is known (None)."""
+    return 0.0 if memory is None else min(1.0, period / memory)
+
+
+def periods_of(mode: ModeFilter) -> tuple[Array, Array]:
+    """The periods of angles among states and outputs, zero where there are none."""
+    model = getattr(mode, "whole", mode.model)
+    sizes = {"state_periods": model.states, "output_periods": model.outputs}
+    periods = [getattr(model, name, None) for name in sizes]
+    pairs = zip(periods, sizes.values(), strict=True)
+    x, y = (np.zeros(size) if value is None else for_loop(value) for value, size in pairs)
+    return x, y
+
+
 class InRecord(NamedTuple):
     """A record as the loops read it: the model by row, inputs with the one before, and ``held``."""
 
@@ -258,6 +137,51 @@ class FilterSteps(NamedTuple):
     predict: Callable[..., int]
     work: Callable[..., Any]
     causes: Mapping[int, str]
+
+
+class TakenOut(NamedTuple):
+    """Parts that S takes out of the steps that lead to rows: J C, J S' and J (y - D u), by row."""
+
+    transition: Array
+    noise: Array
+    known: Array
+
+
+class FilterRows(NamedTuple):
+    """The estimates of filters by their names: (records, k, ...).
+
+    ``outlier`` and ``noise_variance`` have one row, which is overwritten, if nobody wants them.
+    """
+
+    state: Array
+    covariance: Array
+    innovation: Array
+    innovation_covariance: Array
+    log_likelihood: Array
+    outlier: Array
+    noise_variance: Array
+
+
+class PredictedRows(NamedTuple):
+    """Predictions and gains that filters keep if asked for, by their names, (records, k, ...)."""
+
+    predicted_state: Array
+    predicted_covariance: Array
+    gain: Array
+
+
+class FilterPosteriors(NamedTuple):
+    """Means (records, n), covariances (records, n, n) and output errors (records, m).
+
+    ``noises``, (records, m), are the variances of R where it is estimated, and ``counts``,
+    (records,), the numbers of rows that they have been estimated from.
+    """
+
+    means: Array
+    covariances: Array
+    errors: Array
+    noises: Array
+    counts: Array
 
 
 def reached(
@@ -377,76 +301,159 @@ def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:
     return sample
 
 
-def periods_of(mode: ModeFilter) -> tuple[Array, Array]:
-    """The periods of angles among states and outputs, zero where there are none."""
-    model = getattr(mode, "whole", mode.model)
-    sizes = {"state_periods": model.states, "output_periods": model.outputs}
-    periods = [getattr(model, name, None) for name in sizes]
-    pairs = zip(periods, sizes.values(), strict=True)
-    x, y = (np.zeros(size) if value is None else for_loop(value) for value, size in pairs)
-    return x, y
+LEAST = 0.1  # of the variance of an innovation: the estimate then takes a hundred memories
 
 
-class Rules(NamedTuple):
-    """Settings of a filter beside its model.
+def refuse_given(observer: Any, given: Mapping[str, Any]) -> None:
+    """Refuse what cannot be given to a filter that has a gate or estimates R."""
+    if observer.gate is not None and "S" in given:
+        problem = "must be left out with a gate: by S a rejected measurement moves the next state"
+        raise InputError("S", problem)
+    if observer.noise_memory is None:
+        return
+    for name, why in (
+        ("R", "noise_memory says that it is estimated"),
+        ("S", "it would be that of another R than the one that noise_memory estimates"),
+        ("dt", "noise_memory counts sampling periods"),
+    ):
+        if name in given:
+            raise InputError(name, f"must be left out: {why}")
 
-    ``state_periods`` (n,) and ``output_periods`` (m,) are those of angles, 0 for none. Innovations
-    beyond ``gate`` deviations are left out, or ``inflates`` their variance; inf is no gate. R is
-    estimated with the weight ``forgetting`` of a row, 0 if it is known.
+
+def check_noise_memory(observer: Any) -> None:
+    """Refuse a memory that is shorter than a row, or an R that can hardly be seen.
+
+    A row says how large the noise of a measurement is by R S^-1 e. Where R is a small part of the
+    innovation's covariance S, as the state is hardly predicted, this is small: the change that a
+    row makes has the factor (R / S)^2, so that the estimate takes (S / R)^2 times its memory. For
+    linear models this is decided by the covariance that the filter comes to.
+    """
+    memory, period = observer.noise_memory, observer.sampling_period
+    if not observer.has_kalman_gain:
+        problem = f"must be left out: {type(observer).__name__} has another gain than Kalman's"
+        raise InputError("noise_memory", problem)
+    if memory < period:
+        problem = f"{memory:g} s must be the sampling period, {period:g} s, or longer"
+        raise InputError("noise_memory", problem)
+    model = observer.whole
+    if not isinstance(model, LinearModel):
+        return
+    from reobserve.synthesis.linear_gain import steady_kalman_gain
+
+    try:
+        gain = steady_kalman_gain(model)
+    except InputError as error:
+        problem = f"cannot be used: the filter comes to no rest: {error.problem}"
+        raise InputError("noise_memory", problem) from None
+    # R S^-1 = I - C K
+    innovation = np.linalg.solve(np.eye(model.outputs) - model.C @ gain, model.R)
+    share = np.diag(model.R) / np.diag(innovation)
+    worst = int(np.argmin(share))
+    if share[worst] < LEAST:
+        names = model.output_names
+        name = f"output {worst + 1}" if names is None else names[worst]
+        problem = (
+            f"cannot be used: the noise of {name} is {share[worst]:.2g} of the variance of its "
+            f"innovation, so that its estimate would take {share[worst] ** -2:.3g} memories; it "
+            f"must be {LEAST:g} or more"
+        )
+        raise InputError("noise_memory", problem)
+
+
+FILTERED = 1e12  # how far the variance of a state may fall from one row to the next
+SMOOTHED = 1e10  # or by what later rows say of it
+REMEDY = (
+    "begin with a smaller covariance, and give less process noise, so that measurements are "
+    "predicted with variances of at most 1e10 times R"
+)
+
+
+class VagueStartWarning(UserWarning):
+    """The covariance of a start is so large beside that of measurements that digits are lost.
+
+    ``row`` is that of the run, and ``sentence`` has ``{at}`` in its place.
     """
 
-    state_periods: Array
-    output_periods: Array
-    gate: float
-    inflates: bool
-    forgetting: float
+    def __init__(self, sentence: str, row: int) -> None:
+        super().__init__(sentence, row)
+        self.sentence, self.row = sentence, row
+
+    def __str__(self) -> str:
+        return self.sentence.format(at=f"row {self.row}")
 
 
-def forgetting(memory: float | None, period: float) -> float:
-    """The weight of a row in an estimate of R with a memory [s], 0 if R is known (None)."""
-    return 0.0 if memory is None else min(1.0, period / memory)
+def warn_of_start(start: Array, variances: Array, innovations: Array | None = None) -> bool:
+    """Warn the caller of `run` or `step` if a variance falls too far in one of the first rows.
 
-
-class FilterRows(NamedTuple):
-    """The estimates of filters by their names: (records, k, ...).
-
-    ``outlier`` and ``noise_variance`` have one row, which is overwritten, if nobody wants them.
+    ``start`` are the variances before them, (n,), and ``variances`` those after each, (k, n);
+    ``innovations`` are the covariances of the innovations, (k, m, m), which say it of measurements.
+    True if there was a warning.
     """
+    before = start.tolist()
+    for row, now in enumerate(variances.tolist()):  # few: numpy takes longer
+        for state, (last, after) in enumerate(zip(before, now, strict=True)):
+            if last > FILTERED * after > 0.0:  # zero is known, not vague
+                _warn(
+                    f"the variance of state {state + 1} falls from {last:g} to {after:g} at {{at}}",
+                    row, REMEDY,
+                )  # fmt: skip
+                return True
+        before = now
+    if innovations is not None and innovations.shape[1] > 1:
+        least = _least(innovations)
+        row = int(np.argmin(least)) if len(least) else 0
+        if len(least) and least[row] * FILTERED < 1.0:
+            _warn(
+                "measurements of the same are far more precise than their prediction at "
+                "{at}: the covariance of their innovation is nearly singular (its correlation "
+                f"matrix has the eigenvalue {least[row]:.1g})",
+                row, REMEDY,
+            )  # fmt: skip
+            return True
+    return False
 
-    state: Array
-    covariance: Array
-    innovation: Array
-    innovation_covariance: Array
-    log_likelihood: Array
-    outlier: Array
-    noise_variance: Array
+
+def _least(innovations: Array) -> Array:
+    """The least eigenvalues of correlation matrices, (..., k), with ones for what is missing."""
+    size = innovations.shape[-1]
+    known = np.where(np.isnan(innovations), np.eye(size), innovations)
+    deviations = np.sqrt(known.diagonal(axis1=-2, axis2=-1))
+    correlations = known / deviations[..., :, None] / deviations[..., None, :]
+    return np.asarray(np.linalg.eigvalsh(correlations)[..., 0], dtype=np.float64)
 
 
-class PredictedRows(NamedTuple):
-    """Predictions and gains that filters keep if asked for, by their names, (records, k, ...)."""
+def warn_of_starts(
+    starts: Array, variances: Array, goods: NDArray[np.int64], innovations: Array
+) -> None:
+    """Do so for the first of many records with such a start.
 
-    predicted_state: Array
-    predicted_covariance: Array
-    gain: Array
-
-
-class FilterPosteriors(NamedTuple):
-    """Means (records, n), covariances (records, n, n) and output errors (records, m).
-
-    ``noises``, (records, m), are the variances of R where it is estimated, and ``counts``,
-    (records,), the numbers of rows that they have been estimated from.
+    The arrays are those of `warn_of_start`, of each record; ``goods`` are the good rows of each.
     """
+    before = np.concatenate([starts[:, None], variances[:, :-1]], axis=1)
+    doubtful = (before / FILTERED > variances).any(axis=(1, 2))
+    if innovations.shape[-1] > 1:
+        good = np.arange(innovations.shape[1]) < goods[:, None]
+        least = _least(np.where(good[..., None, None], innovations, np.nan))
+        doubtful |= (least * FILTERED < 1.0).any(axis=1)
+    for record in np.flatnonzero(doubtful):
+        last = goods[record]
+        if warn_of_start(starts[record], variances[record, :last], innovations[record, :last]):
+            return
 
-    means: Array
-    covariances: Array
-    errors: Array
-    noises: Array
-    counts: Array
+
+def warn_of_smoothed(filtered: Array, smoothed: Array) -> None:
+    """Warn if smoothed variances, (k, n), are too far below those of the filter, or negative."""
+    falls = smoothed * SMOOTHED < filtered
+    if falls.any():
+        row, state = np.argwhere(falls)[0].tolist()
+        _warn(
+            f"the variance of state {state + 1} is {filtered[row, state]:g} at {{at}} before, "
+            f"and {smoothed[row, state]:g} after smoothing",
+            row, f"{REMEDY}, or smooth with a short `lag`",
+        )  # fmt: skip
 
 
-class TakenOut(NamedTuple):
-    """Parts that S takes out of the steps that lead to rows: J C, J S' and J (y - D u), by row."""
-
-    transition: Array
-    noise: Array
-    known: Array
+def _warn(problem: str, row: int, remedy: str) -> None:
+    """Warn at the line that called the library."""
+    sentence = f"covariance: {problem}, so that rounding leaves few digits of it; {remedy}"
+    warn_caller(VagueStartWarning(sentence, row))

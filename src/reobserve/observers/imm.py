@@ -11,6 +11,10 @@ probabilities. Position, velocity and acceleration can be mixed; the states of t
 that were identified one by one have no common meaning but by the realisation that is chosen.
 Without mixing the coordinates do not matter to Kalman filters. To the SVSF they do even then, if it
 has fewer outputs than states: the pseudo-inverse of C depends on the units of the states.
+
+Probabilities of modes are kept as logarithms. Where a sum of them is within the range of floats it
+is formed as it stands, and else by log-sum-exp, so that a mode may become as unlikely as it likes
+and still come back.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """The Kalman filter (Kalman 1960), in predictor-corrector form with Joseph's covariance.
 
-The compiled loop is `reobserve.observers.kalman.run_linear`.
+Its steps are those of all filters that correct a linear prediction by a gain times the innovation.
+They differ in the gain alone: a function made by `gain_function`, called through a pointer, so that
+`run_linear` is compiled once for all of them, and for all sizes but those up to `UNROLLED`.
 """
 
 from __future__ import annotations
@@ -560,6 +562,15 @@ def uncorrelated(
     before: Sequence[Array], open_end: bool,
 ) -> tuple[dict[str, Array], TakenOut]:  # fmt: skip
     """A model without S, and what is taken out of it, (k + 1, ...).
+
+        x(k+1) = A x(k) + B u(k) + w(k),  y(k) = C x(k) + D u(k) + v(k),  E[w v'] = S
+
+    With J = S R^-1 the noise w - J v is not correlated with v, and v is y - C x - D u:
+
+        x(k+1) = (A - J C) x(k) + B u(k) + J (y(k) - D u(k)) + [w - J v]
+        cov(w - J v) = Q - J S'
+
+    What of a row was not measured tells nothing of w: its columns of S and rows of R are left out.
 
     Parameters
     ----------

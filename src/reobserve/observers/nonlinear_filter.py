@@ -1,4 +1,9 @@
-"""Common parts of the extended and the unscented Kalman filter: their loop and its failures."""
+"""The extended and the unscented Kalman filter, and their one compiled loop.
+
+Where ``weights`` are None a filter is the extended one, which moves the covariance by Jacobians;
+else they are those of scaled sigma points (Wan & van der Merwe 2000). The compiler leaves out the
+branch that is not taken.
+"""
 
 from __future__ import annotations
 

@@ -191,7 +191,7 @@ def folders() -> dict[str, Path | None]:
 def test_edit_begins_a_new_folder_for_the_kernels_that_import_the_module_and_no_others(
     copy: Path,
 ) -> None:
-    assert len(WITH_KERNELS) > 30
+    assert len(WITH_KERNELS) > 20
     always = expected("reobserve.core.kernel")  # which compiles them
     behind = {one: expected(one) | always for one in WITH_KERNELS}
     library = sorted(one for one in FILES if one.startswith("reobserve."))
