@@ -149,6 +149,14 @@ def _members(root: Path, module: str) -> list[str]:
     written = "\n".join(
         page.read_text(encoding="utf-8") for page in (root / "docs/pages").rglob("*.md")
     )
+    tree = ast.parse(source(root, module).read_text(encoding="utf-8"))
+    public |= {
+        node.name
+        for node in tree.body
+        if isinstance(node, ast.ClassDef)
+        and not node.name.startswith("_")
+        and "NamedTuple" not in map(ast.unparse, node.bases)
+    }  # what users are given or catch
     named = re.findall(rf"\]\[{re.escape(module)}\.(\w+)", written)
     for listed in re.findall(rf"from {re.escape(module)} import ([\w, ]+)", written):
         named += listed.split(", ")

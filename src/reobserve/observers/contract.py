@@ -228,9 +228,7 @@ class Observer(Value, ABC, Generic[StateKind]):
             If an estimate leaves the range of floating-point numbers, or rounding makes a variance
             of a filter negative; it says, where it is known, what would have helped.
         """
-        if on_divergence != "raise":
-            as_word("on_divergence", on_divergence, ("raise", "return"))
-        loud = on_divergence == "raise"
+        loud = as_word("on_divergence", on_divergence, ("raise", "return")) == "raise"
         plain = type(y) is np.ndarray and y.ndim < 3 and (u is None or type(u) is np.ndarray)
         if plain and time is None and before is None and middle is None:
             return self._run_record(y, u, state, None, None, None, loud, given)
@@ -246,7 +244,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         start = self._start(record.y[0]) if state is None else self._checked(state)
         times, record = self._timed(time, start, record)
         rows = self._fill(start, record)
-        good = rows.finite if self.reads_missing else rows.good
+        good = self._good(rows)
         estimates, left, missing = rows.estimates, rows.before, 0
         if self.reads_missing and not all_finite(record.y):
             missing = int(np.isnan(record.y[:good]).any(axis=1).sum())

@@ -29,7 +29,8 @@ def run_other(
     y, u, before, middle, time, index = read_frames(observer, y, u, before, middle, time)
     counted, start = index is not None and time is None, state
     if counted and state is not None:
-        state = observer._checked(state)
+        observer._read(y, u, before, middle, given)  # what is wrong with these is said first
+        start = state = observer._checked(state)
         if state.time is not None:
             _check_index(observer, index, state.time)
             state = replace(state, time=None)

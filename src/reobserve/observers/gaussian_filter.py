@@ -146,10 +146,8 @@ def posteriors_of(states: Sequence[KalmanState], n: int, m: int) -> FilterPoster
     for r, state in enumerate(states):
         posterior = state.posterior
         copies.means[r], copies.covariances[r] = posterior.mean, posterior.covariance
-        copies.errors[r], copies.counts[r] = (
-            posterior.error,
-            state.count + (state.sample is not None),
-        )
+        copies.errors[r] = posterior.error
+        copies.counts[r] = state.count + (state.sample is not None)
         if state.noise is not None:
             copies.noises[r] = state.noise
     return copies
@@ -325,8 +323,7 @@ class GaussianFilter(Observer[KalmanState]):
         """
         (n, p, m), periods, learned = self._sizes, self._rules.state_periods, self.noise_memory
         x, P = as_vector("mean", mean, n), as_covariance("covariance", covariance, n)
-        if periods.any():
-            x = wrapped(x, periods)
+        x = wrapped(x, periods) if periods.any() else x.copy()
         return KalmanState._made(
             posterior=Gaussian._made(mean=read_only(x), covariance=read_only(P), error=np.zeros(m)),
             sample=None if u is None else sample_before(u, m, p), count=0, held=None, time=None,
@@ -511,9 +508,9 @@ class GaussianFilter(Observer[KalmanState]):
             y.append(record.y)
             inputs.append(inputs_of_rows(state.sample, record))
         alone = len(records) == 1
-        model, known, held = self.steps.in_record(
-            self, given, first_record.y, inputs[0][None] if alone else np.array(inputs),
-            first.held or {}, first_record.periods,
+        model, known, held = self._in_record(
+            given, first_record.y, inputs[0][None] if alone else np.array(inputs), first.held,
+            first_record.periods,
         )  # fmt: skip
         after = posteriors_of(states, n, m)
         starts = after.covariances.diagonal(0, 1, 2).copy()

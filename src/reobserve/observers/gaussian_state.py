@@ -425,7 +425,7 @@ def _least(innovations: Array) -> Array:
 def warn_of_starts(
     starts: Array, variances: Array, goods: NDArray[np.int64], innovations: Array
 ) -> None:
-    """Do so for the first of many records with such a start.
+    """Warn for the first of many records whose start is too vague.
 
     The arrays are those of `warn_of_start`, of each record; ``goods`` are the good rows of each.
     """

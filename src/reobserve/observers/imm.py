@@ -666,6 +666,12 @@ class IMM(Observer[ImmState]):
         return len(self.filters), *size_of(self.filters[0])
 
     @cached_property
+    def _mark(self) -> tuple[int, ...] | None:
+        """The sizes of states that need no check, None where a user's filters may make any."""
+        r, n, _, m = self._sizes
+        return (r, n, self.inputs, m) if self._linear else None
+
+    @cached_property
     def _periods(self) -> Mapping[str, Array]:
         periods = self._rules.state_periods
         return {"state": periods} if periods.any() else {}
@@ -734,26 +740,27 @@ class IMM(Observer[ImmState]):
         chosen = np.full(r, 1.0 / r) if probabilities is None else probabilities
         with np.errstate(divide="ignore"):
             logarithms = np.log(as_probabilities("probabilities", chosen, r))
-        held, noise = None if u is None else sample_before(u, m, self.inputs), None
+        sample, noise = None if u is None else sample_before(u, m, self.inputs), None
         if self.noise_memory is not None:
             noise = np.diag(self._linear[0].model.R).copy()
-        return self._state(means, covariances, np.zeros((r, m)), logarithms, held, noise=noise)
+        return self._state(means, covariances, np.zeros((r, m)), logarithms, sample, noise=noise)
 
     def _state(
         self, means: Array, covariances: Array, errors: Array, log_probabilities: Array,
         sample: Array | None, count: int = 0, held: tuple[Matrices, ...] | None = None,
         time: float | None = None, noise: Array | None = None, past: Array | None = None,
     ) -> ImmState:  # fmt: skip
-        """A state that needs no check by this bank."""
+        """A state that needs no check by a bank of this kind."""
         return ImmState._made(
             means=means, covariances=covariances, errors=errors,
             log_probabilities=log_probabilities, sample=sample, count=count, held=held, time=time,
-            noise=noise, past=past, checked=self._sizes,
+            noise=noise, past=past, checked=self._mark,
         )  # fmt: skip
 
     def _checked(self, state: Any) -> ImmState:
         (r, n, _, m), inputs = self._sizes, self.inputs
-        checked = type(state) is ImmState and vars(state).get("checked") == self._sizes
+        mark = self._mark if type(state) is ImmState else None
+        checked = mark is not None and vars(state).get("checked") == mark
         if checked and state.held is None and (state.noise is None) is (self.noise_memory is None):
             return state  # type: ignore[no-any-return]
         shapes = [np.shape(getattr(state, part, ())) for part in ("means", "covariances", "errors")]

@@ -76,7 +76,7 @@ from reobserve.systems.nonlinear_flow import (
 
 Array = NDArray[np.float64]
 
-# Why a filter stopped, see `nonlinear_filter.CAUSES`.
+# Why a filter stopped, keys of `CAUSES`.
 NO_STATE, NO_OUTPUT, NO_ROOT, NO_POSTERIOR = 1, 2, 4, 5  # beside NO_INNOVATION, 3
 
 
