@@ -49,9 +49,14 @@ def pages(root: Path) -> Iterator[Page]:
 
 
 def is_shown(root: Path, name: str) -> bool:
-    """Whether a module, or the module that defines a name, has a page."""
+    """Whether a module, or a name on the page of the module that defines it, is shown."""
     package, part, *_ = [*name.split("."), ""]
-    return part in PARTS.get(package, ()) and source(root, name) in _shown(root)
+    if part not in PARTS.get(package, ()) or (file := source(root, name)) not in _shown(root):
+        return False
+    module = ".".join(file.relative_to(root / "src").with_suffix("").parts)
+    within = name.removeprefix(module).removeprefix(".").partition(".")[0]
+    members = _members(root, module)
+    return not within or not members or within in members
 
 
 @cache
@@ -141,6 +146,7 @@ def _pages_of(root: Path, package: Path, part: str, text: str) -> Iterator[Page]
     yield Page(f"{folder}/{part}/index.md", part, body)
 
 
+@cache
 def _members(root: Path, module: str) -> list[str]:
     """What the page of a module with public names shows: these, and what pages name of it."""
     public = {name for name, home in reobserve._HOME.items() if f"reobserve.{home}" == module}

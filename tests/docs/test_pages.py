@@ -112,7 +112,9 @@ def test_modules_with_pages_are_public_or_named_on_pages() -> None:
     index = texts["reference/library/observers/index.md"]
     assert "| [`ilo_sampled`](ilo_sampled.md) |" in index
     assert "| `record` |" in index
-    assert {name for name in modules if not api.is_shown(ROOT, f"{name}.A")} == set()
+    assert {name for name in modules if not api.is_shown(ROOT, name)} == set()
+    assert api.is_shown(ROOT, "reobserve.observers.kalman.KalmanFilter.run")
+    assert not api.is_shown(ROOT, "reobserve.observers.kalman.correct_mean")
     assert not api.is_shown(ROOT, "reobserve.observers.record.A")
     assert not api.is_shown(ROOT, "reobserve_papers.papers.ilo.plots")
 
