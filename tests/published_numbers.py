@@ -308,6 +308,7 @@ def of_imm() -> Iterator[str]:
         for seed in range(8)
     ]
     assert all(numbers["svsf", "normal_spread"] > 0.4 for numbers in flips)
+    yield "a mean of jumps between 0 and 1"
     low, *_, high = sorted(numbers["svsf", "normal_after"] for numbers in flips)
     yield f"noise of 3e-8 instead of {stated[0]:g}"
     yield f"mode is then {100 * low:.2g} to {percent(high)} with eight seeds"

@@ -67,7 +67,8 @@ def with_wrong(tree: Any, path: Path_, key: bool, draw: random.Random) -> Any:
 
 def is_label(path: Path_, key: bool) -> bool:
     """True for what names itself, a claim, a figure or an alternative, and for reasons."""
-    if not key and {"reasons", "departs", "excluded"}.intersection(path):
+    reasons = {"reasons", "departs", "excluded"}.intersection(path) or path[-1] == "null"
+    if not key and reasons:
         return True
     labels = len(path) == 2 and path[0] in ("claims", "figures", "alternatives")
     return key and (labels or path[:-1] == ("conventions", path[1], "alternatives"))

@@ -266,7 +266,7 @@ LAYOUTS = {"lines": lines}
         page = (toy.folder / "results/report.html").read_text()
         assert "fig1" in page
         assert "Both poles are in one place." in page
-        assert page.count("data:image/svg+xml") == 3  # jobs for samples, none for figures
+        assert page.count("data:image/svg+xml") == 2  # of the job for samples, none of figures
     toy.snakemake()
     assert "data:image/svg+xml" in (toy.folder / "results/report.html").read_text()
 
