@@ -26,7 +26,7 @@ from tests import FIVE, published_numbers
 from tests.test_project import LAYERS
 
 
-@pytest.mark.nightly_cases("ilo", "imm")
+@pytest.mark.nightly_cases("eso", "ilo", "imm")
 @pytest.mark.parametrize("paper", FIVE)
 def test_numbers_in_findings_agree_with_the_build(paper: str) -> None:
     text = by_hand((PAGES / f"findings/{paper}.md").read_text(encoding="utf-8"))
