@@ -69,7 +69,14 @@ def _inputs(control: Signal, times: NDArray[Any]) -> Array:
 
 
 def _observer(threshold: float, step: float = STEP) -> ExtendedHighGainObserver:
-    return ExtendedHighGainObserver(MODEL, RHO, _ORDER, _BOUNDS, threshold, sampling_period=step)
+    return ExtendedHighGainObserver(
+        MODEL,
+        rho=RHO,
+        order=_ORDER,
+        delay_bounds=_BOUNDS,
+        threshold=threshold,
+        sampling_period=step,
+    )
 
 
 class _Constants(ctypes.Structure):
@@ -137,7 +144,7 @@ def _observer_against_c(
 ) -> None:
     observer = _observer(threshold)
     y, u = _record(kind)
-    start = observer.init(*_START[1:])
+    start = observer.init(_START[1], delay=_START[2])
     record = observer._table(y, u, 0)
     states, by_c = np.empty((STEPS + 1, 3)), np.empty((STEPS + 1, 3))
     off, off_by_c = np.zeros(STEPS), np.zeros(STEPS)
@@ -196,7 +203,7 @@ def _against_scipy(section: Section, repeats: int) -> None:
     steps = round(span / STEP)
     begin = [*_START[0], *_START[0], 0.55]
     observer = _observer(0.0)
-    start = observer.init(begin[2:4], begin[4])
+    start = observer.init(begin[2:4], delay=begin[4])
     y, u = _record("ramp", STEP, steps)
 
     def both() -> Array:
@@ -240,7 +247,7 @@ def _many_runs(section: Section, runs: int, repeats: int) -> None:
     steps = round(HORIZON / _COARSE)
     y, u = _record("sine", _COARSE, steps)
     observer = _observer(0.7, _COARSE)
-    start, limits = observer.init(*_START[1:]), np.array([*_BOUNDS, 0.7])
+    start, limits = observer.init(_START[1], delay=_START[2]), np.array([*_BOUNDS, 0.7])
     stream = random_stream(0, "benchmark")
     # Eight records, each used many times: drawing is not what is measured.
     samples = []

@@ -30,7 +30,7 @@ def add(section: Section, quick: bool) -> None:
     gains = pd_pi.design(system).gains
     output, control = record(_SAMPLES)
     matrices = linear_system(system, gains)
-    observer = ExtendedStateObserver(system, gains, sampling_period=PERIOD)
+    observer = ExtendedStateObserver(system, gains=gains, sampling_period=PERIOD)
     methods = {"zero": _held, "first": _straight}
     for hold, peers_of in methods.items():
         before = (_last(output), _last(control)) if hold == "zero" else (output, control)

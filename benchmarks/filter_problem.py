@@ -43,7 +43,7 @@ def models() -> list[LinearModel]:
         B = np.array([[0.0], [0.0], [1.0], [0.0]])
         held = zero_order_hold(A, B, _PERIOD)
         found.append(
-            LinearModel(*held, A[2:3], B[2:3], _PROCESS, _MEASUREMENT, sampling_period=_PERIOD)
+            LinearModel(*held, A[2:3], B[2:3], Q=_PROCESS, R=_MEASUREMENT, sampling_period=_PERIOD)
         )
     return found
 
@@ -52,7 +52,10 @@ def banks() -> dict[str, IMM]:
     """A bank of Kalman filters and one of SVSFs, by the names of their C functions."""
     kalman: list[GaussianFilter] = [KalmanFilter(model) for model in models()]
     switching: list[GaussianFilter] = [
-        SmoothVariableStructureFilter(model, LAYER, CONVERGENCE_RATE) for model in models()
+        SmoothVariableStructureFilter(
+            model, boundary_layer=LAYER, convergence_rate=CONVERGENCE_RATE
+        )
+        for model in models()
     ]
     return {
         "kalman": IMM(kalman, TRANSITION),

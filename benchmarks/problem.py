@@ -53,16 +53,34 @@ def sampled_record(steps: int, step: float = STEP) -> tuple[Array, Array]:
 
 def continuous(step: float = STEP) -> ILO:
     """The continuous ILO with full 3 x 3 gains and an interval of 20 steps of 0.5 ms."""
-    return ILO(_BODY, _K1, _K2, _gain(100.0), INTERVAL, sampling_period=step)
+    return ILO(
+        _BODY,
+        K1=_K1,
+        K2=_K2,
+        observer_gain=_gain(100.0),
+        update_interval=INTERVAL,
+        sampling_period=step,
+    )
 
 
 def observers() -> dict[str, Observer]:
     """One observer of each law, by the name of its C function."""
     return {
         "continuous": continuous(),
-        "sampled": SampledILO(_BODY, _K1, _K2, _gain(1000.0), INTERVAL, sampling_period=STEP),
+        "sampled": SampledILO(
+            _BODY,
+            K1=_K1,
+            K2=_K2,
+            observer_gain=_gain(1000.0),
+            update_interval=INTERVAL,
+            sampling_period=STEP,
+        ),
         "adaptive": AdaptiveObserver(
-            _BODY, _gain(100.0), _gain(1000.0), _K1 * 10.0, sampling_period=STEP
+            _BODY,
+            observer_gain=_gain(100.0),
+            integral_gain=_gain(1000.0),
+            proportional_gain=_K1 * 10.0,
+            sampling_period=STEP,
         ),
     }
 

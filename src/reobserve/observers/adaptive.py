@@ -95,19 +95,19 @@ class AdaptiveObserver(RigidBodyObserver):
     0.5
     """
 
-    observer_gain: Matrix = field(metadata=converter(as_positive_definite, 3))
-    integral_gain: Matrix = field(metadata=converter(as_positive_definite, 3))
-    proportional_gain: Matrix = field(metadata=converter(as_matrix, 3))
+    observer_gain: Matrix = field(kw_only=True, metadata=converter(as_positive_definite, 3))
+    integral_gain: Matrix = field(kw_only=True, metadata=converter(as_positive_definite, 3))
+    proportional_gain: Matrix = field(kw_only=True, metadata=converter(as_matrix, 3))
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
         def __init__(
             self,
             model: RigidBody,
+            *,
             observer_gain: ArrayLike,
             integral_gain: ArrayLike,
             proportional_gain: ArrayLike,
-            *,
             sampling_period: float,
         ) -> None: ...
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -14,9 +14,9 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.covariances import as_covariance, as_covariances
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_sized, as_vector
-from reobserve.observers.gaussian_filter import KEPT, GaussianFilter
-from reobserve.observers.gaussian_state import FilterRows, FilterSteps, KalmanState, PredictedRows
-from reobserve.observers.kalman import KALMAN, LINEAR, TAKES, Gain
+from reobserve.observers.gaussian_filter import KEPT
+from reobserve.observers.gaussian_state import FilterRows, KalmanState, PredictedRows
+from reobserve.observers.kalman import KALMAN, TAKES, LinearFilter
 from reobserve.observers.run import AxisNames
 from reobserve.synthesis.linear_gain import undetectable_modes
 from reobserve.systems.linear import LinearModel, ModelRows, as_matrices
@@ -47,7 +47,7 @@ def as_fault_matrices(model: LinearModel, E: ArrayLike, F: ArrayLike | None) -> 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AugmentedKalmanFilter(GaussianFilter):
+class AugmentedKalmanFilter(LinearFilter):
     """Kalman filter on the state and q unknown inputs: disturbances, faults and biases d.
 
         x(k+1) = A x(k) + B u(k) + E d(k) + w(k)
@@ -77,6 +77,8 @@ class AugmentedKalmanFilter(GaussianFilter):
         F, shape (m, q): what it adds to the measurement, zero if left out.
     unknown_input_names
         With which runs are labelled; left out, they are numbered.
+    gate, outliers, noise_memory
+        As those of `KalmanFilter`.
 
     Raises
     ------
@@ -95,17 +97,18 @@ class AugmentedKalmanFilter(GaussianFilter):
     """
 
     model: LinearModel
+    _: KW_ONLY
     fault_matrix: Array
     random_walk: Array
     output_fault_matrix: Array = None  # type: ignore[assignment]  # zeros, once it is made
     unknown_input_names: tuple[str, ...] | None = None
 
-    steps: ClassVar[FilterSteps] = LINEAR
+    method = KALMAN
     has_kalman_gain: ClassVar[bool] = True
     takes: ClassVar[tuple[str, ...]] = (*TAKES, "S")
     keeps: ClassVar[tuple[str, ...]] = (*KEPT, CROSS)
     units: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        (*GaussianFilter.units, "unknown_input", "unknown_input_variance",
+        (*LinearFilter.units, "unknown_input", "unknown_input_variance",
          "unknown_input_covariance"), "",
     )  # fmt: skip
 
@@ -114,11 +117,11 @@ class AugmentedKalmanFilter(GaussianFilter):
         def __init__(
             self,
             model: LinearModel,
+            *,
             fault_matrix: ArrayLike,
             random_walk: ArrayLike,
             output_fault_matrix: ArrayLike | None = ...,
             unknown_input_names: Sequence[str] | None = ...,
-            *,
             gate: float | None = ...,
             outliers: Literal["skip", "inflate"] = ...,
             noise_memory: float | None = ...,
@@ -146,11 +149,6 @@ class AugmentedKalmanFilter(GaussianFilter):
     def unknown_inputs(self) -> int:
         """The number q of unknown inputs."""
         return int(self.fault_matrix.shape[1])
-
-    @property
-    def method(self) -> Gain:
-        """Kalman's gain, which the loops have built in."""
-        return KALMAN
 
     @cached_property
     def whole(self) -> LinearModel:
@@ -214,9 +212,9 @@ class AugmentedKalmanFilter(GaussianFilter):
         self,
         mean: ArrayLike,
         covariance: ArrayLike,
+        *,
         unknown_input: ArrayLike | None = None,
         unknown_input_covariance: ArrayLike = 1.0,
-        *,
         u: ArrayLike | None = None,
     ) -> KalmanState:
         """The state before the first row of a record.

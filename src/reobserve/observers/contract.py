@@ -68,8 +68,6 @@ class Observer(Value, ABC, Generic[StateKind]):
 
     sampling_period: float = field(kw_only=True, metadata=converter(as_positive))
 
-    reads_between: ClassVar[bool] = True  # whether there is a use for ``before`` and ``middle``
-    exact: ClassVar[bool] = False  # whether its steps are, so that shorter ones change nothing
     reads_missing: ClassVar[bool] = False  # whether a nan may stand for what was not measured
     takes: ClassVar[tuple[str, ...]] = ()  # what `run` and `step` take beside y and u, by name
 
@@ -102,32 +100,9 @@ class Observer(Value, ABC, Generic[StateKind]):
     def _checked(self, state: Any) -> StateKind:
         """The state as the loop takes it, or `InputError` if it is of no such observer."""
 
-    def _integrate(self, state: StateKind, steps: Steps) -> Rows:
-        """Run the compiled loop over steps, which the state after it has counted.
-
-        It writes a row at the start of the first step and one at the end of each.
-        """
-        raise NotImplementedError
-
-    def _completed(self, state: StateKind, record: Record) -> tuple[StateKind, Record]:
-        """State and record with what the observer finds by itself, such as derivatives."""
-        return state, record
-
+    @abstractmethod
     def _fill(self, state: StateKind, record: Record) -> Rows:
         """Run the compiled loop over a record."""
-        state, record = self._completed(state, record)
-        with RaisedAfterLoop():
-            rows = self._integrate(state, steps_between(state.sample, record))
-        begun = 0 if state.sample is None else 1  # the row of the sample before, which is known
-        last = np.concatenate([record.y[-1], record.u[-1]])
-        return Rows(
-            {name: values[begun:] for name, values in rows.estimates.items()},
-            rows.finite - begun,
-            rows.state._with(
-                sample=last, time=None if record.time is None else float(record.time[-1])
-            ),
-            {name: values[begun:] for name, values in rows.before.items()},
-        )
 
     def _start(self, first: Array) -> StateKind:
         """The state where none is given, for the first row of y."""
@@ -136,21 +111,19 @@ class Observer(Value, ABC, Generic[StateKind]):
         )
 
     def step(
-        self,
-        state: StateKind,
-        y: ArrayLike,
-        u: ArrayLike | None = None,
-        *,
+        self, state: StateKind, y: ArrayLike, u: ArrayLike | None = None, *,
         time: float | None = None,
-        before: Pair | None = None,
-        middle: Pair | None = None,
-        **given: Any,
-    ) -> tuple[StateKind, Estimate]:
+    ) -> tuple[StateKind, Estimate]:  # fmt: skip
         """Take one sample: the next state, and the estimates at it.
 
-        ``state`` is the one from `init` or from the sample before; y, u, time, before, middle and
-        what is given by name are those of `run`, without the axis of samples. Stepping through a
-        record gives bitwise what `run` gives.
+        Stepping through a record gives bitwise what `run` gives.
+
+        Parameters
+        ----------
+        state
+            From `init`, or from the sample before.
+        y, u, time
+            As those of `run`, without the axis of samples.
 
         Raises
         ------
@@ -159,39 +132,12 @@ class Observer(Value, ABC, Generic[StateKind]):
         DivergenceError
             As `run`.
         """
-        if (
-            type(y) not in dataframes.PLAIN
-            or type(u) not in dataframes.PLAIN
-            or before is not None
-            or middle is not None
-        ):
-            y, u, before, middle = dataframes.read_rows(self, y, u, before, middle)
-        record = self._read(
-            as_row("y", y), None if u is None else as_row("u", u),
-            as_row_pair("before", before), as_row_pair("middle", middle), given,
-        )  # fmt: skip
-        start = self._checked(state)
-        times, record = self._timed(None if time is None else [time], start, record)
-        rows = self._fill(start, record)
-        if not self._good(rows):
-            raise self._divergence(start, rows, times, 0)
-        known, values, units = self.units, {}, {}
-        for name, array in rows.estimates.items():
-            values[name], units[name] = array[0], known.get(name, "")
-        return rows.state, Estimate(float(times[0]), values, units)
+        return self._step_given(state, y, u, time, {})
 
     def run(
-        self,
-        y: ArrayLike,
-        u: ArrayLike | None = None,
-        *,
-        state: StateKind | None = None,
-        time: ArrayLike | None = None,
-        before: Pair | None = None,
-        middle: Pair | None = None,
-        on_divergence: OnDivergence = "raise",
-        **given: Any,
-    ) -> Run[StateKind]:
+        self, y: ArrayLike, u: ArrayLike | None = None, *, state: StateKind | None = None,
+        time: ArrayLike | None = None, on_divergence: OnDivergence = "raise",
+    ) -> Run[StateKind]:  # fmt: skip
         """Estimates at all samples of a record, by one compiled loop.
 
         Parameters
@@ -207,17 +153,9 @@ class Observer(Value, ABC, Generic[StateKind]):
             From `init`, or from an earlier run or step to go on with the sample after its last.
         time
             Of the samples [s], shape (k,), or dates, a sampling period apart; left out, it counts
-            from 0 or goes on from the state. Kalman filters, extended and unscented ones and banks
-            of them take any rising times of models from `from_ode` with a density of the noise.
-        before
-            y and u where a record jumps at samples: their limits from the left, in their shapes.
-        middle
-            y and u half a period before each sample, in their shapes. The first ones of a record
-            have no use.
+            from 0 or goes on from the state.
         on_divergence
             ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
-        given
-            What the class says that it takes, by name.
 
         Raises
         ------
@@ -225,10 +163,41 @@ class Observer(Value, ABC, Generic[StateKind]):
             If a shape is wrong, a number is not finite, the times are not a sampling period apart,
             or the state is of another observer.
         DivergenceError
-            If an estimate leaves the range of floating-point numbers, or rounding makes a variance
-            of a filter negative; it says, where it is known, what would have helped.
+            If an estimate leaves the range of floating-point numbers.
         """
-        loud = as_word("on_divergence", on_divergence, ("raise", "return")) == "raise"
+        return self._run_given(y, u, state, time, on_divergence, {})
+
+    def _step_given(
+        self, state: StateKind, y: ArrayLike, u: ArrayLike | None, time: float | None,
+        given: Mapping[str, Any], before: Pair | None = None, middle: Pair | None = None,
+    ) -> tuple[StateKind, Estimate]:  # fmt: skip
+        """`step`, with what a class takes beside y, u and time in ``given``, by name."""
+        plain = type(y) in dataframes.PLAIN and type(u) in dataframes.PLAIN
+        if not plain or before is not None or middle is not None:
+            y, u, before, middle = dataframes.read_rows(self, y, u, before, middle)
+        record = self._read(
+            as_row("y", y), None if u is None else as_row("u", u),
+            as_row_pair("before", before), as_row_pair("middle", middle), given,
+        )  # fmt: skip
+        start = self._checked(state)
+        times, record = self._timed(None if time is None else [time], start, record)
+        rows = self._fill(start, record)
+        if not self._good(rows):
+            raise self._divergence(start, rows, times, 0)
+        known, values, units = self.units, {}, {}
+        for name, array in rows.estimates.items():
+            values[name], units[name] = array[0], known.get(name, "")
+        return rows.state, Estimate(float(times[0]), values, units)
+
+    def _run_given(
+        self, y: ArrayLike, u: ArrayLike | None, state: StateKind | None, time: ArrayLike | None,
+        on_divergence: str, given: Mapping[str, Any], before: Pair | None = None,
+        middle: Pair | None = None,
+    ) -> Run[StateKind]:  # fmt: skip
+        """`run`, with what a class takes beside y, u and time in ``given``, by name."""
+        loud = on_divergence == "raise"
+        if not loud:
+            as_word("on_divergence", on_divergence, ("raise", "return"))
         plain = type(y) is np.ndarray and y.ndim < 3 and (u is None or type(u) is np.ndarray)
         if plain and time is None and before is None and middle is None:
             return self._run_record(y, u, state, None, None, None, loud, given)
@@ -278,11 +247,8 @@ class Observer(Value, ABC, Generic[StateKind]):
 
     def _divergence(self, state: StateKind, rows: Rows, times: Array, good: int) -> DivergenceError:
         """The error to raise where the rows of a record beyond the first ``good`` ones diverged."""
-        finding = rows.finding
-        stepped = good > 0 or state.sample is not None
-        if stepped and self.reads_between and not self.exact:
-            finding = f"a step of {self.sampling_period:g} s may be too long for it"
-        return DivergenceError(type(self).__name__, self._last_finite(state, times, good), finding)
+        last = self._last_finite(state, times, good)
+        return DivergenceError(type(self).__name__, last, rows.finding)
 
     def _last_finite(self, state: StateKind, times: Array, good: int) -> float:
         """The time [s] up to which estimates are finite, perhaps that of the state's sample."""
@@ -309,22 +275,20 @@ class Observer(Value, ABC, Generic[StateKind]):
         if before is None and middle is None:
             return Record(measured, known, given=given)
         between = (("before", before), ("middle", middle))
-        if not self.reads_between:
-            for name, pair in between:
-                if pair is not None:
-                    problem = f"must be left out: {type(self).__name__} reads nothing in between"
-                    raise InputError(name, problem)
         early, half = (self._read_pair(name, pair, rows) for name, pair in between)
         return Record(measured, known, early, half, given)
 
     def _known(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """The values that are given by name and not None."""
-        for name in given:
-            if name not in self.takes:
-                others = f", beside y and u it takes {', '.join(self.takes)}" if self.takes else ""
-                problem = f"is not taken by {type(self).__name__}{others}"
-                raise InputError(name, problem)
-        return {name: value for name, value in given.items() if value is not None}
+        """The values that are not None, or `InputError` if the class does not take one."""
+        known = {}
+        for name, value in given.items():
+            if value is not None:
+                if name not in self.takes:
+                    others = f"beside y and u it takes {', '.join(self.takes)}"
+                    problem = f"is not taken by {type(self).__name__}, {others}"
+                    raise InputError(name, problem)
+                known[name] = value
+        return known
 
     def _read_inputs(self, name: str, u: ArrayLike | None, rows: int) -> Array:
         if u is None and not self.inputs:
@@ -399,3 +363,107 @@ class Observer(Value, ABC, Generic[StateKind]):
                 f"on by the sampling period of {self.sampling_period:g} s{self._uneven_hint}",
             )
         return times.copy(), record._replace(time=times)
+
+
+class IntegratingObserver(Observer[StateKind]):
+    """The base class of observers that take steps between the rows: `_integrate` calls their loop.
+
+    What a method needs between samples it has by a rule of its own; who knows more of it gives it
+    as ``middle`` and ``before``.
+    """
+
+    exact: ClassVar[bool] = False  # whether its steps are, so that shorter ones change nothing
+
+    def step(
+        self, state: StateKind, y: ArrayLike, u: ArrayLike | None = None, *,
+        time: float | None = None, before: Pair | None = None, middle: Pair | None = None,
+    ) -> tuple[StateKind, Estimate]:  # fmt: skip
+        """Take one sample: the next state, and the estimates at it.
+
+        Stepping through a record gives bitwise what `run` gives.
+
+        Parameters
+        ----------
+        state
+            From `init`, or from the sample before.
+        y, u, time, before, middle
+            As those of `run`, without the axis of samples.
+
+        Raises
+        ------
+        InputError
+            As `run`.
+        DivergenceError
+            As `run`.
+        """
+        return self._step_given(state, y, u, time, {}, before, middle)
+
+    def run(
+        self, y: ArrayLike, u: ArrayLike | None = None, *, state: StateKind | None = None,
+        time: ArrayLike | None = None, before: Pair | None = None, middle: Pair | None = None,
+        on_divergence: OnDivergence = "raise",
+    ) -> Run[StateKind]:  # fmt: skip
+        """Estimates at all samples of a record, by one compiled loop.
+
+        Parameters
+        ----------
+        y, u
+            Measurements, shape (k, m), and known inputs, (k, p), held or in straight lines from
+            sample to sample, as the class says; (k,) where m or p is 1, u left out where p is 0.
+            Frames and many records as `Observer.run` has them.
+        state
+            From `init`, or from an earlier run or step to go on with the sample after its last.
+        time
+            Of the samples [s], shape (k,), or dates, a sampling period apart; left out, it counts
+            from 0 or goes on from the state.
+        before
+            y and u where a record jumps at samples: their limits from the left, in their shapes.
+        middle
+            y and u half a period before each sample, in their shapes. The first ones of a record
+            have no use.
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a number is not finite, the times are not a sampling period apart,
+            or the state is of another observer.
+        DivergenceError
+            If an estimate leaves the range of floating-point numbers; it says whether a shorter
+            step may help.
+        """
+        return self._run_given(y, u, state, time, on_divergence, {}, before, middle)
+
+    @abstractmethod
+    def _integrate(self, state: StateKind, steps: Steps) -> Rows:
+        """Run the compiled loop over steps, which the state after it has counted.
+
+        It writes a row at the start of the first step and one at the end of each.
+        """
+
+    def _completed(self, state: StateKind, record: Record) -> tuple[StateKind, Record]:
+        """State and record with what the observer finds by itself, such as derivatives."""
+        return state, record
+
+    def _fill(self, state: StateKind, record: Record) -> Rows:
+        """Run the compiled loop over a record."""
+        state, record = self._completed(state, record)
+        with RaisedAfterLoop():
+            rows = self._integrate(state, steps_between(state.sample, record))
+        begun = 0 if state.sample is None else 1  # the row of the sample before, which is known
+        last = np.concatenate([record.y[-1], record.u[-1]])
+        return Rows(
+            {name: values[begun:] for name, values in rows.estimates.items()},
+            rows.finite - begun,
+            rows.state._with(
+                sample=last, time=None if record.time is None else float(record.time[-1])
+            ),
+            {name: values[begun:] for name, values in rows.before.items()},
+        )
+
+    def _divergence(self, state: StateKind, rows: Rows, times: Array, good: int) -> DivergenceError:
+        if (good > 0 or state.sample is not None) and not self.exact:
+            finding = f"a step of {self.sampling_period:g} s may be too long for it"
+            rows = rows._replace(finding=finding)
+        return super()._divergence(state, rows, times, good)

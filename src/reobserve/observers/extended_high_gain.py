@@ -20,7 +20,7 @@ from reobserve.core.covariances import as_positive_definite
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_positive, as_scalar, as_vector
 from reobserve.core.value import Value, converter, for_loop
-from reobserve.observers.contract import Observer
+from reobserve.observers.contract import IntegratingObserver
 from reobserve.observers.extended_high_gain_loop import run
 from reobserve.observers.fixed_step import Steps
 from reobserve.observers.record import Record, Rows, check_state, warn_caller
@@ -56,7 +56,7 @@ class ExtendedHighGainState(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ExtendedHighGainObserver(Observer[ExtendedHighGainState]):
+class ExtendedHighGainObserver(IntegratingObserver[ExtendedHighGainState]):
     """Extended high-gain observer of state and input delay, of any size and any Taylor order.
 
         X^' = Lambda_ext(xi^) X^ + f_ext(X^) + g_ext(y) u(t) - lambda(xi^)^-1 S^-1 C^T (x^1 - y)
@@ -112,20 +112,22 @@ class ExtendedHighGainObserver(Observer[ExtendedHighGainState]):
     >>> from reobserve import ExtendedHighGainObserver
     >>> from reobserve.systems.triangular_text import triangular_model
     >>> lag = triangular_model(["x"], drift=["-x"], input_gain="1")
-    >>> observer = ExtendedHighGainObserver(lag, 3.0, 1, (0.0, 1.0), sampling_period=0.02)
+    >>> observer = ExtendedHighGainObserver(
+    ...     lag, rho=3.0, order=1, delay_bounds=(0.0, 1.0), sampling_period=0.02
+    ... )
     >>> time = 0.02 * np.arange(600)
-    >>> run = observer.run(time - 1.6, time, state=observer.init([-1.6], 0.3))  # u = t, 0.6 s late
+    >>> run = observer.run(time - 1.6, time, state=observer.init([-1.6], delay=0.3))
     >>> print(run["delay"][-1].round(3), run["switched_off"][-1])
     0.6 0.0
     """
 
     model: TriangularModel = field(metadata=converter(as_kind, TriangularModel))
-    rho: float = field(metadata=converter(as_positive))
-    order: int = field(metadata=converter(as_whole, 1, MOST_STATES))
-    delay_bounds: tuple[float, float]
-    threshold: float = field(default=0.0, metadata=converter(as_scalar))
-    switched: str = field(default="delay", metadata=converter(as_word, SWITCHED))
-    initial_matrix: ArrayLike | None = None
+    rho: float = field(kw_only=True, metadata=converter(as_positive))
+    order: int = field(kw_only=True, metadata=converter(as_whole, 1, MOST_STATES))
+    delay_bounds: tuple[float, float] = field(kw_only=True)
+    threshold: float = field(default=0.0, kw_only=True, metadata=converter(as_scalar))
+    switched: str = field(default="delay", kw_only=True, metadata=converter(as_word, SWITCHED))
+    initial_matrix: ArrayLike | None = field(default=None, kw_only=True)
 
     measurements: ClassVar[int] = 1
     units: ClassVar[Mapping[str, str]] = {"state": "", "delay": "s", "switched_off": "1"}
@@ -159,7 +161,7 @@ class ExtendedHighGainObserver(Observer[ExtendedHighGainState]):
         """The number of inputs, m + 1, of which u alone is sufficient."""
         return self.order + 1
 
-    def init(self, state: ArrayLike, delay: float) -> ExtendedHighGainState:
+    def init(self, state: ArrayLike, *, delay: float) -> ExtendedHighGainState:
         """The state at the first sample, from x^(0), shape (n,), and tau^(0) [s].
 
         Lechappe et al. 2018, (13) and Assumption 6.

@@ -24,7 +24,7 @@ from reobserve.core.discretisation import interpolating_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_vector
 from reobserve.core.value import Value, converter
-from reobserve.observers.contract import Observer
+from reobserve.observers.contract import IntegratingObserver
 from reobserve.observers.extended_state_loop import run_observer
 from reobserve.observers.fixed_step import Steps
 from reobserve.observers.record import Rows, check_state
@@ -52,7 +52,7 @@ class EsoState(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ExtendedStateObserver(Observer[EsoState]):
+class ExtendedStateObserver(IntegratingObserver[EsoState]):
     """Extended state observer of the state, actuator faults and sensor faults, sampled exactly.
 
         x^' = A~ x^ + B~ u + L (Y - C~ x^) + Ld (Y' - C~ x^'),    xz' = Az (y - xz),    Y = xz
@@ -91,14 +91,14 @@ class ExtendedStateObserver(Observer[EsoState]):
     >>> system = AugmentedSystem(A=[[-1]], B=[[1]], C=[[1]], Dd=[[1]], Dw=[[1]], Fa=[[1]],
     ...                          Fs=np.zeros((1, 0)))  # x' = -x + u + fa, y = x
     >>> gains = Gains(L=[[5], [3], [5]], Ld=np.zeros((3, 1)))
-    >>> observer = ExtendedStateObserver(system, gains, sampling_period=0.05)
+    >>> observer = ExtendedStateObserver(system, gains=gains, sampling_period=0.05)
     >>> run = observer.run(np.zeros(400), np.full(400, 0.5))  # it stands still: fa = -u
     >>> print(run["actuator_fault"][-1].round(3))
     [-0.5]
     """
 
     system: AugmentedSystem = field(metadata=converter(as_kind, AugmentedSystem))
-    gains: Gains = field(metadata=converter(as_kind, Gains))
+    gains: Gains = field(kw_only=True, metadata=converter(as_kind, Gains))
 
     exact: ClassVar[bool] = True
     units: ClassVar[Mapping[str, str]] = dict.fromkeys(
@@ -171,7 +171,7 @@ class ExtendedStateObserver(Observer[EsoState]):
         return np.ascontiguousarray(np.hstack([transition, *effects]).T)
 
     def init(
-        self, estimate: ArrayLike | None = None, filtered: ArrayLike | None = None
+        self, estimate: ArrayLike | None = None, *, filtered: ArrayLike | None = None
     ) -> EsoState:
         """The state at the first sample. Without it a run starts from zeros.
 

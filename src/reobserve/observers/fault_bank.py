@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
@@ -17,6 +17,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
 from reobserve.core.matrices import as_positive, as_sized, as_vector
 from reobserve.observers.augmented_kalman import as_fault_matrices
+from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_state import ModeFilter
 from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
@@ -72,6 +73,8 @@ class FaultBank(IMM):
         F, shape (m, q): what it adds to the measurement, zero if left out.
     fault_names
         With which runs are labelled; left out, they are numbered.
+    gate, noise_memory
+        As those of `IMM`.
 
     Raises
     ------
@@ -84,7 +87,9 @@ class FaultBank(IMM):
     >>> import numpy as np
     >>> from reobserve import FaultBank, LinearModel
     >>> plant = LinearModel([[0.9]], C=[[1]], Q=1e-4, R=1e-4, sampling_period=0.1)
-    >>> bank = FaultBank(plant, [[0.1]], drift=0.01, jump=5.0, jump_rate=0.1, jump_time=0.1)
+    >>> bank = FaultBank(
+    ...     plant, fault_matrix=[[0.1]], drift=0.01, jump=5.0, jump_rate=0.1, jump_time=0.1
+    ... )
     >>> y = np.concatenate([np.zeros(20), 1 - 0.9 ** np.arange(30)])
     >>> run = bank.run(y, state=bank.init([0], 1e-2))
     >>> print(run["fault"][[20, 25, 49], 0].round(1), run["probability"][[20, 21], 1].round(1))
@@ -95,6 +100,7 @@ class FaultBank(IMM):
     transition: Array = field(init=False, repr=False)
     mixing: bool = field(init=False, repr=False)
     model: LinearModel
+    _: KW_ONLY
     fault_matrix: Array
     drift: Array
     jump: Array
@@ -107,13 +113,14 @@ class FaultBank(IMM):
         (*IMM.units, "fault", "fault_variance", "fault_rate", "fault_rate_variance"), ""
     )
     takes: ClassVar[tuple[str, ...]] = ()
+    run, step = Observer.run, Observer.step  # type: ignore[assignment]  # no matrices by row
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
         def __init__(
-            self, model: LinearModel, fault_matrix: ArrayLike, drift: ArrayLike, jump: ArrayLike,
+            self, model: LinearModel, *, fault_matrix: ArrayLike, drift: ArrayLike, jump: ArrayLike,
             jump_rate: float, jump_time: float, output_fault_matrix: ArrayLike | None = ...,
-            fault_names: Sequence[str] | None = ..., *, gate: float | None = ...,
+            fault_names: Sequence[str] | None = ..., gate: float | None = ...,
             noise_memory: float | None = ...,
         ) -> None: ...  # fmt: skip
 
@@ -164,7 +171,7 @@ class FaultBank(IMM):
         Q[n:, n:] = self._noise(mode)
         augmented = LinearModel(
             A, np.vstack([model.B, none((2 * q, model.inputs))]),
-            np.hstack([model.C, F, none((model.outputs, q))]), model.D, Q, model.R, check=False,
+            np.hstack([model.C, F, none((model.outputs, q))]), model.D, Q=Q, R=model.R, check=False,
             sampling_period=T, input_names=model.input_names, output_names=model.output_names,
         )  # fmt: skip
         augmented._set("output_periods", model.output_periods)
@@ -203,14 +210,14 @@ class FaultBank(IMM):
                 names[name] = names[f"{name}_variance"] = (self.fault_names,)
         return names
 
-    def init(
+    def init(  # type: ignore[override]  # probabilities are those of mode 0
         self,
         mean: ArrayLike,
         covariance: ArrayLike,
+        *,
         fault: ArrayLike | None = None,
         fault_covariance: ArrayLike | None = None,
         rate_covariance: ArrayLike | None = None,
-        *,
         u: ArrayLike | None = None,
     ) -> ImmState:
         """The state before the first row of a record, in mode 0.
@@ -241,7 +248,7 @@ class FaultBank(IMM):
             part = slice(first, first + size)
             P[part, part] = as_covariance(name, value, size)
         x = np.concatenate([as_vector("mean", mean, n), f, np.zeros(q)])
-        return super().init(x, P, np.eye(q + 1)[0], u=u)
+        return super().init(x, P, probabilities=np.eye(q + 1)[0], u=u)
 
     def _fill(self, state: ImmState, record: Record) -> Rows:
         rows, (n, q) = super()._fill(state, record), self.fault_matrix.shape

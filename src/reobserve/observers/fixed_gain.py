@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,9 +13,8 @@ from reobserve.core.arguments import as_kind, as_poles
 from reobserve.core.balancing import output_scales, powers
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, spectral_radius
-from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.gaussian_state import FilterSteps, KalmanState
-from reobserve.observers.kalman import LINEAR, TAKES, Gain, own_gain_function
+from reobserve.observers.gaussian_state import KalmanState
+from reobserve.observers.kalman import Gain, LinearFilter, own_gain_function
 from reobserve.synthesis.linear_gain import place, steady_kalman_gain
 from reobserve.systems.linear import LinearModel
 
@@ -23,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FixedGainObserver(GaussianFilter):
+class FixedGainObserver(LinearFilter):
     """Linear observer of constant gain L: a prediction and its correction.
 
         x-(k) = A x^(k-1) + B u(k-1)
@@ -47,6 +46,10 @@ class FixedGainObserver(GaussianFilter):
     gain
         L of the filter form, shape (n, m): x^(k) = x-(k) + L [y(k) - C x-(k) - D u(k)]. For a gain
         of the predictor form, such as that of ``dlqe``, give ``filter_gain(model, Lp)``.
+    gate, outliers
+        As those of `KalmanFilter`.
+    noise_memory
+        Left out: R is estimated with Kalman's gain alone.
 
     Raises
     ------
@@ -57,22 +60,19 @@ class FixedGainObserver(GaussianFilter):
     --------
     >>> from reobserve import FixedGainObserver, LinearModel
     >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2, sampling_period=0.1)
-    >>> observer = FixedGainObserver(model, [[0.5], [1.0]])
+    >>> observer = FixedGainObserver(model, gain=[[0.5], [1.0]])
     >>> run = observer.run([0.0, 0.11, 0.19, 0.29], state=observer.init([0, 0]))
     >>> print(observer.poles.round(2), run["state"][-1].round(3))
     [0.7+0.1j 0.7-0.1j] [0.221 0.373]
     """
 
     model: LinearModel
-    gain: Array
-
-    steps: ClassVar[FilterSteps] = LINEAR
-    takes: ClassVar[tuple[str, ...]] = TAKES
+    gain: Array = field(kw_only=True)
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
         def __init__(
-            self, model: LinearModel, gain: ArrayLike, *, gate: float | None = ...,
+            self, model: LinearModel, *, gain: ArrayLike, gate: float | None = ...,
             outliers: Literal["skip", "inflate"] = ...,
         ) -> None: ...  # fmt: skip
 
@@ -145,7 +145,7 @@ def luenberger(model: LinearModel, poles: ArrayLike) -> FixedGainObserver:
             said = "is not inside the unit circle: poles are of discrete time, z = exp(s T)"
             raise InputError("poles", f"{pole if pole.imag else pole.real:.6g} {said}")
     # The corrected estimate depends on the state through C A: (I - L C) A = A - L (C A).
-    return FixedGainObserver(model, place(A, C @ A, poles))
+    return FixedGainObserver(model, gain=place(A, C @ A, poles))
 
 
 def steady_kalman(model: LinearModel) -> FixedGainObserver:
@@ -173,7 +173,7 @@ def steady_kalman(model: LinearModel) -> FixedGainObserver:
     [[0.159]
      [0.092]]
     """
-    return FixedGainObserver(model, steady_kalman_gain(as_kind("model", model, LinearModel)))
+    return FixedGainObserver(model, gain=steady_kalman_gain(as_kind("model", model, LinearModel)))
 
 
 def filter_gain(model: LinearModel, predictor_gain: ArrayLike) -> Array:

@@ -17,7 +17,7 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_numbers, as_row
 
 if TYPE_CHECKING:
-    from reobserve.observers.contract import Observer, OnDivergence, StateKind
+    from reobserve.observers.contract import IntegratingObserver, OnDivergence, StateKind
     from reobserve.observers.record import Record
     from reobserve.observers.run import Run
 
@@ -82,7 +82,7 @@ def _samples(
 
 
 def run_on_halves(
-    observer: Observer[StateKind],
+    observer: IntegratingObserver[StateKind],
     y: ArrayLike,
     u: ArrayLike | None = None,
     *,

@@ -31,9 +31,7 @@ from reobserve.observers.gaussian_state import (
     FilterRows,
     FilterSteps,
     Gaussian,
-    InRecord,
     KalmanState,
-    Matrices,
     PredictedRows,
     Rules,
     check_held,
@@ -176,22 +174,6 @@ class GaussianFilter(Observer[KalmanState]):
     ``innovation_covariance``, (k, m, m), nan where a measurement is missing; and
     ``log_likelihood``, (k,), of the measurement, zero where all of it is missing.
 
-    `run` and `step` take by name, in place of the model's and for this record:
-
-    A, B, C, D, Q, R
-        Matrices of a linear model, Q and R of any: as in the model, or one for each row, (k, ., .).
-        Those of row k in A, B and Q lead from row k to row k + 1; C, D and R are the row's own.
-    S
-        E[w v'], shape (n, m) or (k, n, m), of a Kalman filter on a linear model: the covariance of
-        the process noise from a row on with the measurement noise of that row; without a ``gate``.
-    parameters, dt
-        Of a nonlinear model: values of parameters by name, numbers or (k,); and the time [s] from
-        each row to the next one, (k,), which a model from `from_ode` takes. More than a sampling
-        period is predicted in equal parts; Q by row is added in the last of them.
-    keep
-        A list of what else the run shall hold: ``predicted_state``, (k, n), and
-        ``predicted_covariance``, (k, n, n), before each measurement, and ``gain``, (k, n, m).
-
     With a ``gate`` there is also ``outlier``, (k, m): innovations beyond it in their standard
     deviations, zero elsewhere; `Run.outliers` counts their rows. With ``noise_memory`` there is
     ``noise_variance``, (k, m), the diagonal of R as estimated.
@@ -200,16 +182,8 @@ class GaussianFilter(Observer[KalmanState]):
     ----------
     model
         The model that it trusts, whose sampling period is the filter's.
-    gate
-        How many standard deviations an innovation may have, each output for itself. A fault that
-        looks like outliers is rejected with them, so look at ``outlier``.
-    outliers
-        ``skip``: they count as missing; or ``inflate``: their variance of noise is raised so far
-        that they are at the gate.
-    noise_memory
-        [s], of rows a sampling period apart. The diagonal of R is estimated, from that of the model
-        on: R <- R + g diag(R S^-1 (e e' - S) S^-1 R), with the weight g = max(T / memory,
-        1 / (k + 20)) of row k, expectation maximisation that forgets (Shumway & Stoffer 1982).
+    gate, outliers, noise_memory
+        As those of `KalmanFilter`.
 
     Raises
     ------
@@ -227,7 +201,6 @@ class GaussianFilter(Observer[KalmanState]):
     steps: ClassVar[FilterSteps]
     has_kalman_gain: ClassVar[bool] = False  # without, R cannot be estimated
     keeps: ClassVar[tuple[str, ...]] = KEPT
-    reads_between: ClassVar[bool] = False
     reads_missing: ClassVar[bool] = True
     units: ClassVar[Mapping[str, str]] = dict.fromkeys((*FilterRows._fields, "variance"), "")
 
@@ -338,7 +311,7 @@ class GaussianFilter(Observer[KalmanState]):
         Raises
         ------
         InputError
-            If the input or the posterior has another size, or a Python function returns other
+            If the input u or the posterior has another size, or a Python function returns other
             shapes.
         DivergenceError
             If the result is not finite; its time counts from there.
@@ -346,7 +319,9 @@ class GaussianFilter(Observer[KalmanState]):
         n, m = self.whole.states, self.whole.outputs
         posterior = check_posterior("posterior", posterior, n, m)
         control = as_vector("u", u, self.whole.inputs)
-        model, inputs, _ = self._in_record({}, np.empty((1, m)), np.array([[control, control]]))
+        model, inputs, _ = self.steps.in_record(
+            self, {}, np.empty((1, m)), np.array([[control, control]]), {}, None
+        )
         mean, covariances, work = np.empty((1, n)), np.empty((2, 1, n, n)), self._work()
         with RaisedAfterLoop():
             good = self.steps.predict(
@@ -364,8 +339,8 @@ class GaussianFilter(Observer[KalmanState]):
         Raises
         ------
         InputError
-            If y (nan: missing), its input or the posterior has another size, or a Python function
-            returns other shapes.
+            If y (nan: missing), its input u or the posterior has another size, or a Python
+            function returns other shapes.
         DivergenceError
             If the covariance of the innovation is not positive definite, the posterior leaves the
             range of floating-point numbers, or rounding makes a variance negative; its time counts
@@ -377,7 +352,9 @@ class GaussianFilter(Observer[KalmanState]):
         posterior = check_posterior("posterior", posterior, n, m)
         if np.isnan(taken).all():
             return Correction(posterior, np.full(m, np.nan), np.full((m, m), np.nan), 0.0)
-        model, inputs, _ = self._in_record({}, taken[None], np.array([[control, control]]))
+        model, inputs, _ = self.steps.in_record(
+            self, {}, taken[None], np.array([[control, control]]), {}, None
+        )
         after = posteriors_of([KalmanState(posterior, noise=self._start_noise)], n, m)
         rows, _, ends = self._filtered(model, inputs, taken[None, None], True, after)
         if not ends[0, 0]:
@@ -390,13 +367,6 @@ class GaussianFilter(Observer[KalmanState]):
     def _given(self, given: Mapping[str, Any], rows: int) -> Mapping[str, Any]:
         """The values given by name for k rows, for the model of all that is estimated."""
         return given
-
-    def _in_record(
-        self, given: Mapping[str, Any], y: Array, inputs: Array, held: Matrices | None = None,
-        periods: Array | None = None,
-    ) -> InRecord:  # fmt: skip
-        """The model over the rows of a record. ``periods`` lead to each of them, shape (k + 1,)."""
-        return self.steps.in_record(self, given, y, inputs, held or {}, periods)
 
     def _uneven(
         self, time: ArrayLike | None, state: KalmanState, record: Record
@@ -508,9 +478,9 @@ class GaussianFilter(Observer[KalmanState]):
             y.append(record.y)
             inputs.append(inputs_of_rows(state.sample, record))
         alone = len(records) == 1
-        model, known, held = self._in_record(
-            given, first_record.y, inputs[0][None] if alone else np.array(inputs), first.held,
-            first_record.periods,
+        model, known, held = self.steps.in_record(
+            self, given, first_record.y, inputs[0][None] if alone else np.array(inputs),
+            first.held or {}, first_record.periods,
         )  # fmt: skip
         after = posteriors_of(states, n, m)
         starts = after.covariances.diagonal(0, 1, 2).copy()

@@ -16,6 +16,7 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.finite import finite
 from reobserve.core.matrices import all_finite, as_floats, as_numbers, as_scalar
 from reobserve.core.value import read_only
+from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_state import inputs_of_rows
 from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
@@ -61,7 +62,7 @@ class GridFilter(IMM):
     >>> import numpy as np
     >>> from reobserve import GridFilter, LinearModel
     >>> plant = LinearModel.from_ode([[-1]], [[1]], [[1]], Q=1e-6, R=1e-4, sampling_period=0.1)
-    >>> grid = GridFilter.of_delay(plant, np.arange(0, 1, 0.1), random_walk=0.01)
+    >>> grid = GridFilter.of_delay(plant, delays=np.arange(0, 1, 0.1), random_walk=0.01)
     >>> u = np.sign(np.sin(np.arange(100)))
     >>> x = np.zeros(100)
     >>> for k in range(99):
@@ -78,6 +79,7 @@ class GridFilter(IMM):
         (*IMM.units, "parameter", "parameter_variance"), ""
     )
     takes: ClassVar[tuple[str, ...]] = ()
+    run, step = Observer.run, Observer.step  # type: ignore[assignment]  # no matrices by row
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -99,8 +101,8 @@ class GridFilter(IMM):
 
     @classmethod
     def of_parameter(
-        cls, make: Callable[[float], LinearModel], grid: ArrayLike, random_walk: float = 0.0,
-        jump_rate: float = 0.0, rates: ArrayLike = (0.0,), switch_rate: float = 0.0, *,
+        cls, make: Callable[[float], LinearModel], *, grid: ArrayLike, random_walk: float = 0.0,
+        jump_rate: float = 0.0, rates: ArrayLike = (0.0,), switch_rate: float = 0.0,
         gate: float | None = None, noise_memory: float | None = None,
     ) -> GridFilter:  # fmt: skip
         """A filter for a parameter of a linear model.
@@ -143,8 +145,8 @@ class GridFilter(IMM):
 
     @classmethod
     def of_delay(
-        cls, model: LinearModel, delays: ArrayLike, random_walk: float = 0.0,
-        jump_rate: float = 0.0, rates: ArrayLike = (0.0,), switch_rate: float = 0.0, *,
+        cls, model: LinearModel, *, delays: ArrayLike, random_walk: float = 0.0,
+        jump_rate: float = 0.0, rates: ArrayLike = (0.0,), switch_rate: float = 0.0,
         gate: float | None = None, noise_memory: float | None = None,
     ) -> GridFilter:  # fmt: skip
         """A filter for the delay [s] of all inputs, held over each sampling period before it.
@@ -322,7 +324,7 @@ def _delayed(model: LinearModel, part: float) -> LinearModel:
         # exp(A (T - part)) int_0^part exp(A s) ds B
         late = rest @ zero_order_hold(model.ode.A, model.ode.B, part)[1]
     return LinearModel(
-        model.A, np.hstack([now, late]), model.C, None, model.Q, model.R, check=False,
+        model.A, np.hstack([now, late]), model.C, None, Q=model.Q, R=model.R, check=False,
         sampling_period=model.sampling_period, state_names=model.state_names,
         output_names=model.output_names,
         **{name: getattr(model, name) for name in ("state_periods", "output_periods")},

@@ -20,7 +20,7 @@ from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import as_positive, as_vector
 from reobserve.core.value import Value, converter, for_loop, read_only
-from reobserve.observers.contract import Observer
+from reobserve.observers.contract import IntegratingObserver
 from reobserve.observers.fixed_step import Steps
 from reobserve.observers.record import Rows, check_state
 from reobserve.synthesis.high_gain_design import high_gain
@@ -52,7 +52,7 @@ class HighGainState(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class HighGainObserver(Observer[HighGainState]):
+class HighGainObserver(IntegratingObserver[HighGainState]):
     """High-gain observer for a constant delay tau_m, by the classical Runge-Kutta method.
 
         x^' = Lambda x^ + f(x^) + (0, ..., 0, G(y))^T u(t - tau_m) - S^-1 C^T (x^1 - y)
@@ -92,7 +92,7 @@ class HighGainObserver(Observer[HighGainState]):
     """
 
     model: TriangularModel = field(metadata=converter(as_kind, TriangularModel))
-    rho: float = field(metadata=converter(as_positive))
+    rho: float = field(kw_only=True, metadata=converter(as_positive))
 
     measurements: ClassVar[int] = 1
     inputs: ClassVar[int] = 1

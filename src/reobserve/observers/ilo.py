@@ -61,23 +61,23 @@ class LearningObserver(RigidBodyObserver):
     Its parameters are those of `ILO`.
     """
 
-    K1: Matrix = field(metadata=converter(as_matrix, 3))
-    K2: Matrix = field(metadata=converter(as_matrix, 3))
-    observer_gain: Matrix = field(metadata=converter(as_positive_definite, 3))
-    update_interval: float = field(metadata=converter(as_positive))
-    allow_unstable: bool = field(default=False, metadata=converter(as_flag))
+    K1: Matrix = field(kw_only=True, metadata=converter(as_matrix, 3))
+    K2: Matrix = field(kw_only=True, metadata=converter(as_matrix, 3))
+    observer_gain: Matrix = field(kw_only=True, metadata=converter(as_positive_definite, 3))
+    update_interval: float = field(kw_only=True, metadata=converter(as_positive))
+    allow_unstable: bool = field(default=False, kw_only=True, metadata=converter(as_flag))
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
         def __init__(
             self,
             model: RigidBody,
+            *,
             K1: ArrayLike,
             K2: ArrayLike,
             observer_gain: ArrayLike,
             update_interval: float,
             allow_unstable: bool = ...,
-            *,
             sampling_period: float,
         ) -> None: ...
 

@@ -43,7 +43,7 @@ from reobserve.core.matrices import (
 )
 from reobserve.core.value import Value, for_loop
 from reobserve.observers import kalman as linear
-from reobserve.observers.contract import Observer
+from reobserve.observers.contract import Observer, OnDivergence
 from reobserve.observers.gaussian_filter import GaussianFilter, uneven_times
 from reobserve.observers.gaussian_state import (
     Correction,
@@ -64,7 +64,7 @@ from reobserve.observers.gaussian_state import (
 )
 from reobserve.observers.kalman import BEGUN, LINEAR, NEGATIVE_CAUSE, shortest
 from reobserve.observers.record import Record, Rows, check_state
-from reobserve.observers.run import AxisNames, names_by_model
+from reobserve.observers.run import AxisNames, Estimate, Run, names_by_model
 from reobserve.systems.linear import ModelRows
 from reobserve.systems.periods import wrapped
 
@@ -607,12 +607,11 @@ class IMM(Observer[ImmState]):
 
     filters: tuple[ModeFilter, ...]
     transition: Array
-    mixing: bool = True
+    mixing: bool = field(default=True, kw_only=True)
     sampling_period: float = field(init=False)
     gate: float | None = field(default=None, kw_only=True)
     noise_memory: float | None = field(default=None, kw_only=True)
 
-    reads_between: ClassVar[bool] = False
     reads_missing: ClassVar[bool] = True
     takes: ClassVar[tuple[str, ...]] = (*ModelRows._fields, "S")
     units: ClassVar[Mapping[str, str]] = {
@@ -623,7 +622,7 @@ class IMM(Observer[ImmState]):
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
         def __init__(
-            self, filters: Sequence[ModeFilter], transition: ArrayLike, mixing: bool = ..., *,
+            self, filters: Sequence[ModeFilter], transition: ArrayLike, *, mixing: bool = ...,
             gate: float | None = ..., noise_memory: float | None = ...,
         ) -> None: ...  # fmt: skip
 
@@ -659,6 +658,80 @@ class IMM(Observer[ImmState]):
                 return
         assert refused is not None
         raise refused
+
+    def step(
+        self, state: ImmState, y: ArrayLike, u: ArrayLike | None = None, *,
+        time: float | None = None, A: ArrayLike | None = None, B: ArrayLike | None = None,
+        C: ArrayLike | None = None, D: ArrayLike | None = None, Q: ArrayLike | None = None,
+        R: ArrayLike | None = None, S: ArrayLike | None = None,
+    ) -> tuple[ImmState, Estimate]:  # fmt: skip
+        """Take one row: the next state, and the estimates at it.
+
+        Stepping through a record gives bitwise what `run` gives.
+
+        Parameters
+        ----------
+        state
+            From `init`, or from the row before.
+        y, u, time, A, B, C, D, Q, R, S
+            As those of `run`, without the axis of rows.
+
+        Raises
+        ------
+        InputError
+            As `run`.
+        DivergenceError
+            As `run`.
+        """
+        given = {"A": A, "B": B, "C": C, "D": D, "Q": Q, "R": R, "S": S}
+        return self._step_given(state, y, u, time, given)
+
+    def run(
+        self, y: ArrayLike, u: ArrayLike | None = None, *, state: ImmState | None = None,
+        time: ArrayLike | None = None, A: ArrayLike | None = None, B: ArrayLike | None = None,
+        C: ArrayLike | None = None, D: ArrayLike | None = None, Q: ArrayLike | None = None,
+        R: ArrayLike | None = None, S: ArrayLike | None = None,
+        on_divergence: OnDivergence = "raise",
+    ) -> Run[ImmState]:  # fmt: skip
+        """Estimates at all rows of a record, by one compiled loop.
+
+        Parameters
+        ----------
+        y, u
+            Measurements, shape (k, m), nan where missing, and known inputs, (k, p), from each row
+            on; (k,) where m or p is 1, u left out where p is 0. Frames with the names of the
+            model's signals, and many records, (records, k, m).
+        state
+            From `init`, or from an earlier run or step to go on with the row after its last.
+        time
+            Of the rows [s], shape (k,), or dates; left out, a sampling period apart. Of models from
+            `from_ode` with a density of the noise any that rise, else a sampling period apart.
+        A, B, C, D, Q, R, S
+            Of a bank of filters on linear models, as `KalmanFilter.run` has them, for all modes;
+            or one for each row and mode, (k, r, ., .).
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a number is not finite, times do not fit, or the state is of
+            another filter.
+        DivergenceError
+            If an estimate leaves the range of floating-point numbers, or rounding makes a variance
+            negative; it says, where it is known, what would have helped.
+
+        Examples
+        --------
+        >>> from reobserve import IMM, KalmanFilter, LinearModel
+        >>> models = [LinearModel([[a]], C=[[1]], Q=1e-4, R=1e-2) for a in (0.9, 0.5)]
+        >>> bank = IMM([KalmanFilter(one) for one in models], [[0.99, 0.01], [0.01, 0.99]])
+        >>> run = bank.run([1.0, 0.9, 0.4], state=bank.init([1.0], 0.1), R=1e-4)
+        >>> print(run["probability"][-1].round(2))
+        [0. 1.]
+        """
+        given = {"A": A, "B": B, "C": C, "D": D, "Q": Q, "R": R, "S": S}
+        return self._run_given(y, u, state, time, on_divergence, given)
 
     @cached_property
     def _sizes(self) -> tuple[int, int, int, int]:
@@ -705,8 +778,8 @@ class IMM(Observer[ImmState]):
         self,
         mean: ArrayLike,
         covariance: ArrayLike,
-        probabilities: ArrayLike | None = None,
         *,
+        probabilities: ArrayLike | None = None,
         u: ArrayLike | None = None,
     ) -> ImmState:
         """The state before the first row of a record.
@@ -868,9 +941,9 @@ class IMM(Observer[ImmState]):
                 if name not in kf.takes:
                     problem = f"is not taken by {type(kf).__name__}, which is a filter of the bank"
                     raise InputError(name, problem)
-            before = None if state.held is None else state.held[j]
+            before = {} if state.held is None else state.held[j] or {}
             shared = inputs[None, :, 0]
-            rows.append(kf._in_record(given, record.y, shared, before, record.periods))
+            rows.append(kf.steps.in_record(kf, given, record.y, shared, before, record.periods))
         model = ModelRows(
             *(
                 np.stack(np.broadcast_arrays(*matrices), axis=1)

@@ -22,6 +22,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import FunctionPointer, inlined_kernel, kernel
 from reobserve.core.loop_function import GuardedPointer
+from reobserve.observers.contract import OnDivergence
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import (
     REMEDY,
@@ -29,12 +30,14 @@ from reobserve.observers.gaussian_state import (
     FilterRows,
     FilterSteps,
     InRecord,
+    KalmanState,
     PredictedRows,
     Rules,
     TakenOut,
     as_held,
     side_by_side,
 )
+from reobserve.observers.run import Estimate, Run
 from reobserve.systems.linear import LinearModel, ModelRows, as_matrices
 
 Array = NDArray[np.float64]
@@ -891,7 +894,96 @@ LINEAR = FilterSteps(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class KalmanFilter(GaussianFilter):
+class LinearFilter(GaussianFilter):
+    """Base class of filters on linear models, which differ in the gain."""
+
+    steps: ClassVar[FilterSteps] = LINEAR
+    takes: ClassVar[tuple[str, ...]] = TAKES
+
+    def step(
+        self, state: KalmanState, y: ArrayLike, u: ArrayLike | None = None, *,
+        time: float | None = None, A: ArrayLike | None = None, B: ArrayLike | None = None,
+        C: ArrayLike | None = None, D: ArrayLike | None = None, Q: ArrayLike | None = None,
+        R: ArrayLike | None = None, S: ArrayLike | None = None, keep: str | Sequence[str] = (),
+    ) -> tuple[KalmanState, Estimate]:  # fmt: skip
+        """Take one row: the next state, and the estimates at it.
+
+        Stepping through a record gives bitwise what `run` gives.
+
+        Parameters
+        ----------
+        state
+            From `init`, or from the row before.
+        y, u, time, A, B, C, D, Q, R, S, keep
+            As those of `run`, without the axis of rows.
+
+        Raises
+        ------
+        InputError
+            As `run`.
+        DivergenceError
+            As `run`.
+        """
+        given = {"A": A, "B": B, "C": C, "D": D, "Q": Q, "R": R, "S": S, "keep": keep or None}
+        return self._step_given(state, y, u, time, given)
+
+    def run(
+        self, y: ArrayLike, u: ArrayLike | None = None, *, state: KalmanState | None = None,
+        time: ArrayLike | None = None, A: ArrayLike | None = None, B: ArrayLike | None = None,
+        C: ArrayLike | None = None, D: ArrayLike | None = None, Q: ArrayLike | None = None,
+        R: ArrayLike | None = None, S: ArrayLike | None = None, keep: str | Sequence[str] = (),
+        on_divergence: OnDivergence = "raise",
+    ) -> Run[KalmanState]:  # fmt: skip
+        """Estimates at all rows of a record, by one compiled loop.
+
+        Parameters
+        ----------
+        y, u
+            Measurements, shape (k, m), nan where missing, and known inputs, (k, p), from each row
+            on; (k,) where m or p is 1, u left out where p is 0. Frames with the names of the
+            model's signals, and many records, (records, k, m).
+        state
+            From `init`, or from an earlier run or step to go on with the row after its last.
+        time
+            Of the rows [s], shape (k,), or dates; left out, a sampling period apart. Of a model
+            from `from_ode` with a density of the noise any that rise, else a sampling period apart.
+        A, B, C, D, Q, R
+            In place of the model's, for this record: one for all rows, or one for each, (k, ., .).
+            Those of row k in A, B and Q lead from row k to row k + 1; C, D and R are the row's own.
+        S
+            E[w v'], shape (n, m) or (k, n, m), of a filter with Kalman's gain and no ``gate``: the
+            covariance of the process noise from a row on with that row's measurement noise.
+        keep
+            Names of what else the run shall hold: ``predicted_state``, (k, n), and
+            ``predicted_covariance``, (k, n, n), before each measurement, and ``gain``, (k, n, m).
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a number is not finite, times do not fit, or the state is of
+            another filter.
+        DivergenceError
+            If an estimate leaves the range of floating-point numbers, or rounding makes a variance
+            negative; it says, where it is known, what would have helped.
+
+        Examples
+        --------
+        >>> from reobserve import KalmanFilter, LinearModel
+        >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2, sampling_period=0.1)
+        >>> kalman = KalmanFilter(model)
+        >>> start = kalman.init([0, 0], 1.0)
+        >>> noisy = kalman.run([0.0, 0.11, 0.29], state=start, R=[[[1e-2]], [[1.0]], [[1e-2]]])
+        >>> print(noisy["innovation_covariance"][1, 0, 0].round(3), noisy["state"][-1].round(2))
+        1.021 [0.27 1.34]
+        """
+        given = {"A": A, "B": B, "C": C, "D": D, "Q": Q, "R": R, "S": S, "keep": keep or None}
+        return self._run_given(y, u, state, time, on_divergence, given)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KalmanFilter(LinearFilter):
     """Kalman filter, the linear filter of minimum variance (Kalman 1960).
 
         x = A x + B u,              P = A P A' + Q
@@ -900,20 +992,32 @@ class KalmanFilter(GaussianFilter):
         P = (I - K C) P (I - K C)' + K R K'
 
     `init` takes the mean and the covariance of x. `run` and `step` take y, shape (k, m), nan where
-    a measurement is missing, and u, (k, p); by name also A, B, C, D, Q, R, S and ``keep``, see
-    `GaussianFilter`. Estimates, in units of the model: ``state``, x, shape (k, n), ``covariance``,
-    P, (k, n, n), and its diagonal ``variance``, (k, n), after each measurement; ``innovation``, e,
-    (k, m), ``innovation_covariance``, S, (k, m, m), and ``log_likelihood``, (k,).
+    a measurement is missing, and u, (k, p). Estimates, in units of the model: ``state``, x, shape
+    (k, n), ``covariance``, P, (k, n, n), and its diagonal ``variance``, (k, n), after each
+    measurement; ``innovation``, e, (k, m), ``innovation_covariance``, S, (k, m, m), and
+    ``log_likelihood``, (k,). With a ``gate`` there is also ``outlier``, (k, m), with a
+    ``noise_memory`` ``noise_variance``, (k, m).
 
     Parameters
     ----------
     model
         The linear model of the plant.
+    gate
+        How many standard deviations an innovation may have, each output for itself. A fault that
+        looks like outliers is rejected with them, so look at ``outlier``.
+    outliers
+        ``skip``: they count as missing; or ``inflate``: their variance of noise is raised so far
+        that they are at the gate.
+    noise_memory
+        [s], of rows a sampling period apart. The diagonal of R is estimated, from that of the model
+        on: R <- R + g diag(R S^-1 (e e' - S) S^-1 R), with the weight g = max(T / memory,
+        1 / (k + 20)) of row k, expectation maximisation that forgets (Shumway & Stoffer 1982).
 
     Raises
     ------
     InputError
-        If the model is of another kind.
+        If the model is of another kind, a number is not above zero; or R cannot be estimated, as it
+        is less than a tenth of the innovation's variance: it would take a hundred memories.
 
     Examples
     --------
@@ -927,11 +1031,6 @@ class KalmanFilter(GaussianFilter):
 
     model: LinearModel
 
-    steps: ClassVar[FilterSteps] = LINEAR
+    method = KALMAN
     has_kalman_gain: ClassVar[bool] = True
     takes: ClassVar[tuple[str, ...]] = (*TAKES, "S")
-
-    @property
-    def method(self) -> Gain:
-        """Kalman's gain, which the loops have built in."""
-        return KALMAN

@@ -104,15 +104,14 @@ class LevantDifferentiator(Observer[LevantState]):
     [-0.54 -0.84  0.53] -0.84
     """
 
-    L: float = field(metadata=converter(as_positive))
-    order: int = field(default=2, metadata=converter(as_whole, 1))
-    lambdas: ArrayLike | None = None
-    printed: bool = field(default=False, metadata=converter(as_flag))
+    L: float = field(kw_only=True, metadata=converter(as_positive))
+    order: int = field(default=2, kw_only=True, metadata=converter(as_whole, 1))
+    lambdas: ArrayLike | None = field(default=None, kw_only=True)
+    printed: bool = field(default=False, kw_only=True, metadata=converter(as_flag))
 
     measurements: ClassVar[int] = 1
     inputs: ClassVar[int] = 0
     units: ClassVar[Mapping[str, str]] = {"derivatives": ""}
-    reads_between: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

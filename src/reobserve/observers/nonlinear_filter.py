@@ -8,13 +8,13 @@ branch that is not taken.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.covariances import as_covariances
 from reobserve.core.direct_call import call
@@ -23,12 +23,14 @@ from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.matrices import as_positive, as_scalar
 from reobserve.core.value import for_loop
+from reobserve.observers.contract import OnDivergence
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import (
     FilterPosteriors,
     FilterRows,
     FilterSteps,
     InRecord,
+    KalmanState,
     PredictedRows,
     Rules,
     as_held,
@@ -62,6 +64,7 @@ from reobserve.observers.kalman import (
     shortest,
     weight_of_row,
 )
+from reobserve.observers.run import Estimate, Run
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.nonlinear_flow import (
     FlowWork,
@@ -714,7 +717,102 @@ NONLINEAR = FilterSteps(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ExtendedKalmanFilter(GaussianFilter):
+class NonlinearFilter(GaussianFilter):
+    """Base class of filters on nonlinear models."""
+
+    steps: ClassVar[FilterSteps] = NONLINEAR
+    has_kalman_gain: ClassVar[bool] = True
+    takes: ClassVar[tuple[str, ...]] = TAKES
+
+    def step(
+        self, state: KalmanState, y: ArrayLike, u: ArrayLike | None = None, *,
+        time: float | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
+        parameters: Mapping[str, ArrayLike] | None = None, dt: float | None = None,
+        keep: str | Sequence[str] = (),
+    ) -> tuple[KalmanState, Estimate]:  # fmt: skip
+        """Take one row: the next state, and the estimates at it.
+
+        Stepping through a record gives bitwise what `run` gives.
+
+        Parameters
+        ----------
+        state
+            From `init`, or from the row before.
+        y, u, time, Q, R, parameters, dt, keep
+            As those of `run`, without the axis of rows.
+
+        Raises
+        ------
+        InputError
+            As `run`.
+        DivergenceError
+            As `run`.
+        """
+        given = {"Q": Q, "R": R, "parameters": parameters, "dt": dt, "keep": keep or None}
+        return self._step_given(state, y, u, time, given)
+
+    def run(
+        self, y: ArrayLike, u: ArrayLike | None = None, *, state: KalmanState | None = None,
+        time: ArrayLike | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
+        parameters: Mapping[str, ArrayLike] | None = None, dt: ArrayLike | None = None,
+        keep: str | Sequence[str] = (), on_divergence: OnDivergence = "raise",
+    ) -> Run[KalmanState]:  # fmt: skip
+        """Estimates at all rows of a record, by one compiled loop.
+
+        Parameters
+        ----------
+        y, u
+            Measurements, shape (k, m), nan where missing, and known inputs, (k, p), from each row
+            on; (k,) where m or p is 1, u left out where p is 0. Frames with the names of the
+            model's signals, and many records, (records, k, m).
+        state
+            From `init`, or from an earlier run or step to go on with the row after its last.
+        time
+            Of the rows [s], shape (k,), or dates; left out, a sampling period apart. Of a model
+            from `from_ode` with a density of the noise any that rise, else a sampling period apart.
+        Q, R
+            In place of the model's, for this record: one for all rows, or one for each, (k, ., .).
+            Q of row k leads from row k to row k + 1.
+        parameters
+            Values of the model's parameters by name, numbers or (k,).
+        dt
+            In place of ``time``: the time [s] from each row to the next one, a number or (k,), of a
+            model from `from_ode`. More than a sampling period is predicted in equal parts, and Q by
+            row is added in the last of them.
+        keep
+            Names of what else the run shall hold: ``predicted_state``, (k, n), and
+            ``predicted_covariance``, (k, n, n), before each measurement, and ``gain``, (k, n, m).
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a number is not finite, times do not fit, or the state is of
+            another filter.
+        DivergenceError
+            If an estimate leaves the range of floating-point numbers, or rounding makes a variance
+            negative; it says, where it is known, what would have helped.
+
+        Examples
+        --------
+        >>> from reobserve import ExtendedKalmanFilter, NonlinearModel
+        >>> pendulum = NonlinearModel.from_ode(
+        ...     ["rate", "-g*sin(angle)"], ["angle"], Q=1e-6, R=1e-4, parameters={"g": 9.81},
+        ...     state_names=["angle", "rate"], sampling_period=0.1,
+        ... )
+        >>> observer = ExtendedKalmanFilter(pendulum)
+        >>> start = observer.init([0.3, 0.0], 0.01)
+        >>> run = observer.run([0.3, 0.285, 0.243], state=start, parameters={"g": 9.0})
+        >>> print(run["state_angle"][-1].round(3))
+        0.248
+        """
+        given = {"Q": Q, "R": R, "parameters": parameters, "dt": dt, "keep": keep or None}
+        return self._run_given(y, u, state, time, on_divergence, given)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ExtendedKalmanFilter(NonlinearFilter):
     """Extended Kalman filter: Kalman's on the model linearised about each estimate.
 
         x = f(x, u),              P = A P A' + Q                           A = df/dx
@@ -733,6 +831,8 @@ class ExtendedKalmanFilter(GaussianFilter):
     model
         The nonlinear model of the plant; its Jacobians are given there, derived from text, or
         found by differences.
+    gate, outliers, noise_memory
+        As those of `KalmanFilter`.
 
     Raises
     ------
@@ -754,14 +854,7 @@ class ExtendedKalmanFilter(GaussianFilter):
 
     model: NonlinearModel
 
-    steps: ClassVar[FilterSteps] = NONLINEAR
-    has_kalman_gain: ClassVar[bool] = True
-    takes: ClassVar[tuple[str, ...]] = TAKES
-
-    @property
-    def method(self) -> None:
-        """None: it has no sigma points."""
-        return
+    method = None
 
     @property
     def functions(self) -> Functions:
@@ -770,7 +863,7 @@ class ExtendedKalmanFilter(GaussianFilter):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class UnscentedKalmanFilter(GaussianFilter):
+class UnscentedKalmanFilter(NonlinearFilter):
     """Unscented Kalman filter with scaled sigma points, without Jacobians.
 
         X_0 = x,   X_i = x + c L_i,   X_(n+i) = x - c L_i,   P = L L',   c^2 = n + lambda
@@ -799,6 +892,8 @@ class UnscentedKalmanFilter(GaussianFilter):
         Knowledge of the distribution's tails; 2 is best for a Gaussian one.
     kappa
         Second spread, above -n; 0 as in Wan & van der Merwe. filterpy's documentation names 3 - n.
+    gate, outliers, noise_memory
+        As those of `KalmanFilter`.
 
     Raises
     ------
@@ -819,6 +914,7 @@ class UnscentedKalmanFilter(GaussianFilter):
     """
 
     model: NonlinearModel
+    _: KW_ONLY
     alpha: float = 0.1
     beta: float = 2.0
     kappa: float = 0.0

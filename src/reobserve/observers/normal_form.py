@@ -125,8 +125,8 @@ def normal_form_observer(
         system, highest, injection=matrix, poles=poles, higher=added, effect=effect, names=names
     )
     if form == "identity":
-        return IdentityObserver(series, order, gain, sampling_period=sampling_period)
-    return TransformedObserver(series, order, sampling_period=sampling_period)
+        return IdentityObserver(series, order=order, gain=gain, sampling_period=sampling_period)
+    return TransformedObserver(series, order=order, sampling_period=sampling_period)
 
 
 def _higher(terms: PolynomialMap, states: int) -> PolynomialMap:

@@ -95,7 +95,7 @@ class IdentityObserver(NormalFormObserver):
     IdentityObserver [-0.16  0.09]
     """
 
-    gain: str = field(default="series", metadata=converter(as_word, GAINS))
+    gain: str = field(default="series", kw_only=True, metadata=converter(as_word, GAINS))
 
     @cached_property
     def _law(self) -> IdentityDynamics:

@@ -15,7 +15,7 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_vector
 from reobserve.core.value import Value, converter
-from reobserve.observers.contract import Observer
+from reobserve.observers.contract import IntegratingObserver
 from reobserve.observers.fixed_step import Samples, Steps
 from reobserve.observers.record import Rows, check_state
 from reobserve.observers.run import Run
@@ -44,7 +44,7 @@ class NormalFormState(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NormalFormObserver(Observer[NormalFormState]):
+class NormalFormObserver(IntegratingObserver[NormalFormState]):
     """Base class of normal-form observers, which estimate x from y and known inputs.
 
     Its estimate is ``state``, x^, shape (k, n). Without a state a run starts from x^ = 0, the
@@ -68,7 +68,7 @@ class NormalFormObserver(Observer[NormalFormState]):
     """
 
     normal_form: NormalForm = field(metadata=converter(as_kind, NormalForm))
-    order: int
+    order: int = field(kw_only=True)
 
     units: ClassVar[Mapping[str, str]] = {"state": ""}
 

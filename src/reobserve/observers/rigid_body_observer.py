@@ -14,7 +14,7 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import Matrix, as_vector
 from reobserve.core.value import Value, converter
-from reobserve.observers.contract import Observer
+from reobserve.observers.contract import IntegratingObserver
 from reobserve.observers.fixed_step import Steps
 from reobserve.observers.record import Rows, check_state
 from reobserve.systems.rigid_body import RigidBody
@@ -55,7 +55,7 @@ class RigidBodyState(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RigidBodyObserver(Observer[RigidBodyState]):
+class RigidBodyObserver(IntegratingObserver[RigidBodyState]):
     """An observer that measures w [rad/s], knows u [N m] and estimates the fault torque.
 
     Its estimates are ``rate`` [rad/s] and ``fault`` [N m], shape (k, 3). `Run.before` has the
@@ -96,7 +96,7 @@ class RigidBodyObserver(Observer[RigidBodyState]):
         loop leaves the new ones in place.
         """
 
-    def init(self, rate: ArrayLike, fault: ArrayLike = (0.0, 0.0, 0.0)) -> RigidBodyState:
+    def init(self, rate: ArrayLike, *, fault: ArrayLike = (0.0, 0.0, 0.0)) -> RigidBodyState:
         """The state at the first sample. Without it a run starts from the first measurement.
 
         Parameters

@@ -9,7 +9,7 @@ the same in all of them and corrects the rest by its correlation with what is se
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -19,9 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.errors import InputError, shown
 from reobserve.core.kernel import allocating_kernel, inlined_kernel
 from reobserve.core.matrices import as_floats, as_scalar, as_vector
-from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.gaussian_state import FilterSteps
-from reobserve.observers.kalman import LINEAR, TAKES, Gain, own_gain_function
+from reobserve.observers.kalman import TAKES, Gain, LinearFilter, own_gain_function
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
@@ -30,7 +28,7 @@ INVERSES = ("pseudo", "weighted")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SmoothVariableStructureFilter(GaussianFilter):
+class SmoothVariableStructureFilter(LinearFilter):
     """Filter whose gain switches with the innovation, smoothed within a boundary layer (SVSF).
 
         K = C^+ diag((|e(k+1|k)| + gamma |e(k|k)|) o sat(e(k+1|k) / psi)) diag(e(k+1|k))^-1
@@ -58,6 +56,10 @@ class SmoothVariableStructureFilter(GaussianFilter):
         gamma, from 0 to below 1.
     inverse
         One of `INVERSES`, for C^+: ``pseudo``, or ``weighted`` by the predicted covariance.
+    gate, outliers
+        As those of `KalmanFilter`.
+    noise_memory
+        Left out: R is estimated with Kalman's gain alone.
 
     Raises
     ------
@@ -76,11 +78,11 @@ class SmoothVariableStructureFilter(GaussianFilter):
     """
 
     model: LinearModel
+    _: KW_ONLY
     boundary_layer: Array
     convergence_rate: float
     inverse: str = "pseudo"
 
-    steps: ClassVar[FilterSteps] = LINEAR
     takes: ClassVar[tuple[str, ...]] = tuple(name for name in TAKES if name != "C")
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
@@ -88,10 +90,10 @@ class SmoothVariableStructureFilter(GaussianFilter):
         def __init__(
             self,
             model: LinearModel,
+            *,
             boundary_layer: ArrayLike,
             convergence_rate: float,
             inverse: str = ...,
-            *,
             gate: float | None = ...,
             outliers: Literal["skip", "inflate"] = ...,
         ) -> None: ...

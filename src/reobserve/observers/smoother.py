@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -39,10 +40,12 @@ def rts_smoother(
     run: Run[Any],
     u: ArrayLike | None = None,
     *,
-    y: ArrayLike | None = None,
-    lag: int | None = None,
-    **given: Any,
-) -> Run[Any]:
+    y: ArrayLike | None = None, lag: int | None = None,
+    A: ArrayLike | None = None, B: ArrayLike | None = None, C: ArrayLike | None = None,
+    D: ArrayLike | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
+    S: ArrayLike | None = None, parameters: Mapping[str, ArrayLike] | None = None,
+    dt: ArrayLike | None = None,
+) -> Run[Any]:  # fmt: skip
     """Estimates at all samples of a run, each from the whole record, or from ``lag`` rows more.
 
         G(k) = cov(x(k), x(k+1)) P(k+1|k)^-1
@@ -68,9 +71,8 @@ def rts_smoother(
     lag
         The fixed-lag smoother: a row is estimated from the rows up to ``lag`` after it, 1 to k.
         Left out, from all. The cost grows with it.
-    given
-        What was given to the run by row: A, B, C, D, Q, R and S, parameters and dt. Times of the
-        run that are uneven are known.
+    A, B, C, D, Q, R, S, parameters, dt
+        As they were given to the run. Times of the run that are uneven are known.
 
     Returns
     -------
@@ -108,15 +110,17 @@ def rts_smoother(
     if u is None and filter.inputs:
         raise InputError("u", f"is left out, must have shape {(k, filter.inputs)}")
     inputs = np.empty((k, 0)) if u is None else as_sample_rows("u", u, filter.inputs, rows=k)
-    given = filter._known(given)
+    given = filter._known(
+        {"A": A, "B": B, "C": C, "D": D, "Q": Q, "R": R, "S": S, "parameters": parameters, "dt": dt}
+    )
     _check_given(run, given)
     refuse_given(filter, given)
     if "S" in given and y is None:
         raise InputError("y", f"is left out, must have shape {(k, m)}: S was given")
     measured = np.zeros((k, m)) if y is None else as_sample_rows("y", y, m, rows=k, missing=True)
     before = np.concatenate([inputs[:1], inputs])[None]
-    model, held_inputs, _ = filter._in_record(
-        filter._given(given, k), measured, before, None, _periods(filter, run, given)
+    model, held_inputs, _ = filter.steps.in_record(
+        filter, filter._given(given, k), measured, before, {}, _periods(filter, run, given)
     )
     n = means.shape[1]
     ahead = np.empty((k - 1, n)), np.empty((k - 1, n, n)), np.empty((k - 1, n, n))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -111,15 +111,16 @@ class LinearModel(Value):
     B: Array = None  # type: ignore[assignment]
     C: Array = None  # type: ignore[assignment]
     D: Array = None  # type: ignore[assignment]
+    _: KW_ONLY
     Q: Array = None  # type: ignore[assignment]
     R: Array = None  # type: ignore[assignment]
-    sampling_period: float = field(default=1.0, kw_only=True)
-    check: bool = field(default=True, kw_only=True)
-    state_names: tuple[str, ...] | None = field(default=None, kw_only=True)
-    input_names: tuple[str, ...] | None = field(default=None, kw_only=True)
-    output_names: tuple[str, ...] | None = field(default=None, kw_only=True)
-    state_periods: Array | None = field(default=None, kw_only=True)
-    output_periods: Array | None = field(default=None, kw_only=True)
+    sampling_period: float = 1.0
+    check: bool = True
+    state_names: tuple[str, ...] | None = None
+    input_names: tuple[str, ...] | None = None
+    output_names: tuple[str, ...] | None = None
+    state_periods: Array | None = None
+    output_periods: Array | None = None
     ode: Ode | None = field(default=None, init=False, repr=False)
 
     if TYPE_CHECKING:  # the parameters accept more types than the attributes have
@@ -130,9 +131,9 @@ class LinearModel(Value):
             B: ArrayLike | None = ...,
             C: ArrayLike = ...,
             D: ArrayLike | None = ...,
+            *,
             Q: ArrayLike = ...,
             R: ArrayLike = ...,
-            *,
             sampling_period: float = ...,
             check: bool = ...,
             state_names: Sequence[str] | None = ...,
@@ -181,8 +182,11 @@ class LinearModel(Value):
     @classmethod
     def from_ode(
         cls, A: ArrayLike, B: ArrayLike | None = None, C: ArrayLike = None,  # type: ignore[assignment]
-        D: ArrayLike | None = None, Q: ArrayLike | None = None, R: ArrayLike = None, *,  # type: ignore[assignment]
-        density: ArrayLike | None = None, sampling_period: float, **options: Any,
+        D: ArrayLike | None = None, *, Q: ArrayLike | None = None, R: ArrayLike = None,  # type: ignore[assignment]
+        density: ArrayLike | None = None, sampling_period: float, check: bool = False,
+        state_names: Sequence[str] | None = None, input_names: Sequence[str] | None = None,
+        output_names: Sequence[str] | None = None, state_periods: Periods | None = None,
+        output_periods: Periods | None = None,
     ) -> LinearModel:  # fmt: skip
         """The model of x' = A x + B u + w, y = C x + D u, with u held over each sampling period.
 
@@ -190,7 +194,7 @@ class LinearModel(Value):
         ----------
         A, B
             Of the differential equation.
-        C, D, R, options
+        C, D, R, check, state_names, input_names, output_names, state_periods, output_periods
             As in the class.
         Q
             Covariance of the noise that a sampling period adds to the state.
@@ -216,8 +220,11 @@ class LinearModel(Value):
                 raise InputError("density", "is given beside Q, must be the only one of them")
             noise = as_covariance("density", density, len(Ad))
             ode, Q = ode._replace(density=noise), held_noise(ode.A, noise, period)
-        options = {"check": False, **options}
-        model = cls(Ad, Bd, C, D, Q, R, sampling_period=period, **options)  # type: ignore[arg-type]
+        model = cls(
+            Ad, Bd, C, D, Q=Q, R=R, sampling_period=period, check=check, state_names=state_names,  # type: ignore[arg-type]
+            input_names=input_names, output_names=output_names, state_periods=state_periods,
+            output_periods=output_periods,
+        )  # fmt: skip
         model._set("ode", ode)
         return model
 

@@ -113,9 +113,9 @@ class NonlinearModel:
     h: Any
     Q: Array
     R: Array
+    _: KW_ONLY
     F: Any = None
     H: Any = None
-    _: KW_ONLY
     states: int = None  # type: ignore[assignment]  # a number, once it is made
     inputs: int = None  # type: ignore[assignment]
     outputs: int = None  # type: ignore[assignment]
@@ -134,7 +134,7 @@ class NonlinearModel:
 
         def __init__(
             self, f: Function, h: Function, Q: ArrayLike, R: ArrayLike,
-            F: JacobianFunction | None = ..., H: JacobianFunction | None = ..., *,
+            *, F: JacobianFunction | None = ..., H: JacobianFunction | None = ...,
             states: int | None = ..., inputs: int | None = ..., outputs: int | None = ...,
             state_names: Sequence[str] | None = ..., input_names: Sequence[str] | None = ...,
             output_names: Sequence[str] | None = ..., state_periods: Periods | None = ...,
@@ -189,10 +189,14 @@ class NonlinearModel:
 
     @classmethod
     def from_ode(
-        cls, f: Function, h: Function, Q: ArrayLike | None = None, R: ArrayLike = None,  # type: ignore[assignment]
-        F: JacobianFunction | None = None, H: JacobianFunction | None = None, *,
+        cls, f: Function, h: Function, *, Q: ArrayLike | None = None, R: ArrayLike = None,  # type: ignore[assignment]
+        F: JacobianFunction | None = None, H: JacobianFunction | None = None,
         density: ArrayLike | None = None, sampling_period: float, substeps: int = 1,
-        **options: Any,
+        states: int | None = None, inputs: int | None = None, outputs: int | None = None,
+        state_names: Sequence[str] | None = None, input_names: Sequence[str] | None = None,
+        output_names: Sequence[str] | None = None, state_periods: Periods | None = None,
+        output_periods: Periods | None = None, parameters: Mapping[str, float] | None = None,
+        scale: ArrayLike | None = None,
     ) -> NonlinearModel:  # fmt: skip
         """The model of x' = f(x, u), y = h(x, u), with u held over each sampling period.
 
@@ -212,8 +216,9 @@ class NonlinearModel:
             [s].
         substeps
             Steps of the method in a sampling period.
-        options
-            The other parameters of the class.
+        R, F, H, states, inputs, outputs, state_names, input_names, output_names, state_periods, \
+        output_periods, parameters, scale
+            As in the class.
 
         Raises
         ------
@@ -227,8 +232,10 @@ class NonlinearModel:
         if density is not None:
             Q = as_positive("sampling_period", sampling_period) * as_floats("density", density)
         return cls(
-            f, h, Q, R, F, H, sampling_period=sampling_period, substeps=steps, density=density,  # type: ignore[arg-type]
-            **options,
+            f, h, Q, R, F=F, H=H, states=states, inputs=inputs, outputs=outputs,  # type: ignore[arg-type]
+            state_names=state_names, input_names=input_names, output_names=output_names,
+            state_periods=state_periods, output_periods=output_periods, parameters=parameters,
+            scale=scale, sampling_period=sampling_period, substeps=steps, density=density,
         )  # fmt: skip
 
     @property

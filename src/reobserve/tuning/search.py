@@ -161,7 +161,7 @@ def tune(
     ...     run = observer.run(record, state=observer.init([0]))
     ...     return float(np.sqrt(np.mean(run["state"] ** 2)))
     >>> records = np.random.default_rng(1).standard_normal((8, 100))  # noise, of a truth of zero
-    >>> found = tune(lambda settings: FixedGainObserver(model, [[settings["gain"]]]),
+    >>> found = tune(lambda settings: FixedGainObserver(model, gain=[[settings["gain"]]]),
     ...              {"gain": (0.01, 1.0)}, records, score, budget=20)
     >>> print(found.edges)
     {}

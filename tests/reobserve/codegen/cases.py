@@ -52,16 +52,35 @@ def angles(factor: float = 1.0) -> LinearModel:
     A = whole.A.copy()
     A[:, 0] = [1.0, 0.0, 0.0]  # by which an angle is the same after a period
     return LinearModel(
-        A, whole.B, whole.C, whole.D, whole.Q, model().R, state_periods=[3.0, None, None],
+        A, whole.B, whole.C, whole.D, Q=whole.Q, R=model().R, state_periods=[3.0, None, None],
         output_periods=[3.0, 5.0],
     )  # fmt: skip
+
+
+def force(**options: Any) -> AugmentedKalmanFilter:
+    """One unknown force."""
+    push = [[0.0], [1.0], [0.0]]
+    return AugmentedKalmanFilter(model(), fault_matrix=push, random_walk=0.01, **options)
+
+
+def learning(kind: Any, K2: float) -> Any:
+    """An iterative learning observer."""
+    return kind(
+        BODY, K1=0.9, K2=K2, observer_gain=500.0, update_interval=0.03, sampling_period=0.01
+    )
+
+
+def differentiator() -> LevantDifferentiator:
+    """A differentiator of order 3."""
+    return LevantDifferentiator(L=1.0, order=3, sampling_period=0.01)
 
 
 def faults() -> Made:
     """Two faults, in the middle of a record."""
     made = FaultBank(
-        model(), [[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]], 0.1, [2.0, 1.0], 0.1, 2.0,
-        [[0.0, 0.0], [0.0, 1.0]], gate=3.0, noise_memory=50.0,
+        model(), fault_matrix=[[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]], drift=0.1, jump=[2.0, 1.0],
+        jump_rate=0.1, jump_time=2.0,
+        output_fault_matrix=[[0.0, 0.0], [0.0, 1.0]], gate=3.0, noise_memory=50.0,
     )  # fmt: skip
     y, u = 0.2 * np.sin(np.arange(16.0)).reshape(8, 2), np.ones((8, 1))
     return made, made.run(y, u, state=made.init([0, 0, 0], 1.0)).state
@@ -73,7 +92,9 @@ def delays(walk: float) -> Made:
         [[0, 1], [-1, -0.5]], [[0, 1], [1, 0]], [[1, 0]], Q=[1e-4, 1e-3], R=1e-2,
         sampling_period=0.1,
     )  # fmt: skip
-    made = GridFilter.of_delay(plant, [0.0, 0.13, 0.2, 0.47], walk, 0.1, noise_memory=3.0)
+    made = GridFilter.of_delay(
+        plant, delays=[0.0, 0.13, 0.2, 0.47], random_walk=walk, jump_rate=0.1, noise_memory=3.0
+    )
     state = made.init([0.1, 0.2], 0.1)
     if not walk:
         return made, state
@@ -83,8 +104,9 @@ def delays(walk: float) -> Made:
 
 def parameter() -> Made:
     made = GridFilter.of_parameter(
-        lambda a: LinearModel([[a]], [[1.0]], [[1.0]], Q=1e-2, R=0.1), [0.2, 0.5, 0.9], 0.1, 0.01,
-        [-0.1, 0.1], 0.5,
+        lambda a: LinearModel([[a]], [[1.0]], [[1.0]], Q=1e-2, R=0.1), grid=[0.2, 0.5, 0.9],
+        random_walk=0.1, jump_rate=0.01,
+        rates=[-0.1, 0.1], switch_rate=0.5,
     )  # fmt: skip
     return made, made.init([0.5], 1.0)
 
@@ -101,8 +123,8 @@ def filtering(made: Any) -> Made:
 
 def bank(*filters: Any, mixing: bool = True, **chosen: Any) -> Made:
     chain = [[0.95, 0.05, 0.0], [0.05, 0.9, 0.05], [0.0, 0.1, 0.9]]
-    made = IMM(filters, chain, mixing, **chosen)
-    return made, made.init([1.0, 2.0, 3.0], [1.0, 2.0, 1.0], [1.0, 0.0, 0.0])
+    made = IMM(filters, chain, mixing=mixing, **chosen)
+    return made, made.init([1.0, 2.0, 3.0], [1.0, 2.0, 1.0], probabilities=[1.0, 0.0, 0.0])
 
 
 def swing(kind: Any, **chosen: Any) -> Made:
@@ -130,7 +152,9 @@ def turning(kind: Any, **chosen: Any) -> Made:
 
 
 def switching(inverse: str, factor: float = 1.0) -> SmoothVariableStructureFilter:
-    return SmoothVariableStructureFilter(model(factor), [0.5, 1.5], 0.2, inverse)
+    return SmoothVariableStructureFilter(
+        model(factor), boundary_layer=[0.5, 1.5], convergence_rate=0.2, inverse=inverse
+    )
 
 
 def started(made: Any, *values: float) -> Made:
@@ -154,13 +178,19 @@ def high_gain() -> Made:
     """All functions allowed in text, in the middle of a record."""
     drift = ["cosh(a)/7 - a**3", "sqrt(1 + w^2)*tan(a/3) - pi*w", "erf(s)**5 - 2*s - (w^2 + 3)^-1"]
     model = triangular_model(["a", "w", "s"], drift, "2**(1/2) - exp(-a)/10")
-    made = HighGainObserver(model, 6.0, sampling_period=0.01)
+    made = HighGainObserver(model, rho=6.0, sampling_period=0.01)
     y, u = (0.1 + 0.05 * np.sin(k * np.arange(8.0))[:, None] for k in (1.0, 2.0))
     return made, made.run(y, u, state=made.init([0.1, 0.2, 0.0])).state
 
 
 def adaptive() -> AdaptiveObserver:
-    return AdaptiveObserver(BODY, 500.0, 1000.0, 10.0, sampling_period=0.01)
+    return AdaptiveObserver(
+        BODY,
+        observer_gain=500.0,
+        integral_gain=1000.0,
+        proportional_gain=10.0,
+        sampling_period=0.01,
+    )
 
 
 def extended_state() -> Made:
@@ -174,8 +204,8 @@ def extended(*, begun: bool = False, **chosen: Any) -> Made:
     """Delays that reach both bounds, with an input that is unobservable at its turning points."""
     model = triangular_model(["a", "w"], ["-a", "-sin(a) - w^3"], "2 - a^2")
     parts = {"order": 2, "delay_bounds": (0.05, 0.4), "threshold": 0.4, **chosen}
-    made = ExtendedHighGainObserver(model, 12.0, **parts, sampling_period=0.01)
-    state = made.init([0.3, 0.0], 0.2)
+    made = ExtendedHighGainObserver(model, rho=12.0, **parts, sampling_period=0.01)
+    state = made.init([0.3, 0.0], delay=0.2)
     if begun:
         y, u = (0.1 * np.sin(k * np.arange(8.0))[:, None] for k in (0.1, 0.2))
         state = made.run(y, u, state=state).state
@@ -185,9 +215,11 @@ def extended(*, begun: bool = False, **chosen: Any) -> Made:
 def alone() -> Made:
     """An input without its derivatives, from the third row of a record, where few are known."""
     model = triangular_model(["a"], ["-a"], "1")
-    made = ExtendedHighGainObserver(model, 5.0, 3, (0.0, 0.5), 0.05, sampling_period=0.05)
+    made = ExtendedHighGainObserver(
+        model, rho=5.0, order=3, delay_bounds=(0.0, 0.5), threshold=0.05, sampling_period=0.05
+    )
     y, u = (0.1 * np.sin(rate * np.arange(-3.0, 0.0))[:, None] for rate in (0.21, 0.13))
-    return made, made.run(y, u, state=made.init([0.0], 0.2)).state
+    return made, made.run(y, u, state=made.init([0.0], delay=0.2)).state
 
 
 FACTORS = (1.0, 0.8, 0.5)
@@ -199,7 +231,7 @@ CASES: dict[str, Callable[[], Made]] = {
         KalmanFilter(model()), KalmanFilter(model()).init([1, 2, 3], 1.0, u=[0.5]),
     ),
     "augmented": lambda: (
-        (made := AugmentedKalmanFilter(model(), [[0.0], [1.0], [0.0]], 0.01)),
+        (made := force()),
         made.init([1.0, 2.0, 3.0], 1.0),
     ),
     "ekf": lambda: swing(ExtendedKalmanFilter),
@@ -210,8 +242,7 @@ CASES: dict[str, Callable[[], Made]] = {
     "kalman_inflated": lambda: filtering(KalmanFilter(angles(), gate=1.2, outliers="inflate",
                                                       noise_memory=5.0)),
     "augmented_learning": lambda: (
-        (made := AugmentedKalmanFilter(model(), [[0.0], [1.0], [0.0]], 0.01, gate=1.5,
-                                       noise_memory=30.0)),
+        (made := force(gate=1.5, noise_memory=30.0)),
         made.init([1.0, 2.0, 3.0], 1.0),
     ),
     "gain_angles": lambda: filtering(luenberger(angles(), [0.3, 0.4, 0.5])),
@@ -230,15 +261,15 @@ CASES: dict[str, Callable[[], Made]] = {
     "imm": lambda: bank(*(KalmanFilter(model(f)) for f in FACTORS)),
     "imm_apart": lambda: bank(*(KalmanFilter(model(f)) for f in FACTORS), mixing=False),
     "imm_svsf": lambda: bank(*(switching("weighted", f) for f in FACTORS)),
-    "sampled": lambda: (SampledILO(BODY, 0.9, 200.0, 500.0, 0.03, sampling_period=0.01), None),
-    "sampled_on": lambda: gone_on(SampledILO(BODY, 0.9, 200.0, 500.0, 0.03, sampling_period=0.01)),
-    "continuous": lambda: (ILO(BODY, 0.9, 50.0, 500.0, 0.03, sampling_period=0.01), None),
-    "continuous_on": lambda: gone_on(ILO(BODY, 0.9, 50.0, 500.0, 0.03, sampling_period=0.01)),
+    "sampled": lambda: (learning(SampledILO, 200.0), None),
+    "sampled_on": lambda: gone_on(learning(SampledILO, 200.0)),
+    "continuous": lambda: (learning(ILO, 50.0), None),
+    "continuous_on": lambda: gone_on(learning(ILO, 50.0)),
     "adaptive": lambda: (adaptive(), None),
     "adaptive_on": lambda: gone_on(adaptive()),
     "extended_state_on": extended_state,
-    "levant": lambda: (LevantDifferentiator(1.0, 3, sampling_period=0.01), None),
-    "levant_on": lambda: started(LevantDifferentiator(1.0, 3, sampling_period=0.01), 0.2, 1, 2, 3),
+    "levant": lambda: (differentiator(), None),
+    "levant_on": lambda: started(differentiator(), 0.2, 1, 2, 3),
     "high_gain": high_gain,
     "extended": extended,
     "extended_all": lambda: extended(switched="all", begun=True),

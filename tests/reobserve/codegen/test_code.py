@@ -225,11 +225,11 @@ def test_c_code_reports_overflow(folder: Path) -> None:
 
 
 def test_observer_without_fixed_steps_is_refused_with_the_reason() -> None:
-    high_gain = HighGainObserver(pendulum(), 10.0, sampling_period=0.01)
+    high_gain = HighGainObserver(pendulum(), rho=10.0, sampling_period=0.01)
     with pytest.raises(InputError, match=r"a model of compiled functions cannot be exported"):
         program_of(high_gain, high_gain.init([0.0, 0.0]))
     cases_of_text = HighGainObserver(
-        triangular_model(["a"], ["sinc(a)"], "1"), 10.0, sampling_period=0.01
+        triangular_model(["a"], ["sinc(a)"], "1"), rho=10.0, sampling_period=0.01
     )
     with pytest.raises(InputError, match=r"a model with sinc cannot be exported: write sin"):
         program_of(cases_of_text, cases_of_text.init([0.0]))

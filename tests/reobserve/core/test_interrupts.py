@@ -28,7 +28,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it in 
 n = 36
 chain = KalmanFilter(LinearModel(0.9 * np.eye(n), C=np.eye(1, n), Q=1e-4, R=1e-2))
 ode = NonlinearModel.from_ode(
-    ["w", "-sin(a)"], ["a"], 1e-4, 1e-2, state_names=["a", "w"], sampling_period=0.01,
+    ["w", "-sin(a)"], ["a"], Q=1e-4, R=1e-2, state_names=["a", "w"], sampling_period=0.01,
     substeps=2000,
 )
 y = np.zeros((40_000, 1))

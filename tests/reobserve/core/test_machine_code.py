@@ -38,7 +38,9 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     kalman.run(y, u, state=start, S=S, keep="gain")
     rts_smoother(kalman, kalman.run(y, u, state=start), u, lag=2)
     restarted_cusum(kalman, other, y, u, kalman.init([0.0, 0.0], 1.0))
-    weighted = SmoothVariableStructureFilter(MODEL, 10.0, 0.1, "weighted")
+    weighted = SmoothVariableStructureFilter(
+        MODEL, boundary_layer=10.0, convergence_rate=0.1, inverse="weighted"
+    )
     weighted.run(y, u, state=weighted.init([0.0, 0.0], 1.0))
     imm.weighed(np.ones((5, 2)), np.ones((5, 2, 1)))
     least_jitter([np.arange(5.0)], 1.0)

@@ -76,7 +76,7 @@ def pendulum(**options: Any) -> Callable[[Columns], Run[Any]]:
 
 def high_gain(columns: Columns) -> Run[Any]:
     model = triangular_model(["angle", "rate"], ["0", "-9.81*sin(angle) - 0.5*rate"], "4")
-    observer = ro.HighGainObserver(model, 8.0, sampling_period=PERIOD)
+    observer = ro.HighGainObserver(model, rho=8.0, sampling_period=PERIOD)
     y, u = read(columns, "deg", "rad", "angle"), read(columns, "mN m", "N m", "torque")
     return observer.run(y, u, state=observer.init([0.0, 0.0]))
 
@@ -99,7 +99,9 @@ def swing(kind: Callable[[ro.NonlinearModel], Any]) -> Callable[[Columns], Run[A
 
 def extended_high_gain(columns: Columns) -> Run[Any]:
     model = triangular_model(["level"], ["-level"], "1")
-    observer = ro.ExtendedHighGainObserver(model, 5.0, 2, (0.0, 1.5), 0.035, sampling_period=PERIOD)
+    observer = ro.ExtendedHighGainObserver(
+        model, rho=5.0, order=2, delay_bounds=(0.0, 1.5), threshold=0.035, sampling_period=PERIOD
+    )
     y, u = read(columns, "%", "1", "level"), read(columns, "%", "1", "valve")
     return observer.run(y, u, state=observer.init([0.0], 0.3))
 
@@ -108,13 +110,13 @@ def delay_grid(columns: Columns) -> Run[Any]:
     model = ro.LinearModel.from_ode(
         [[-1.0]], [[1.0]], [[1.0]], Q=1e-8, R=1e-6, sampling_period=PERIOD
     )
-    grid = ro.GridFilter.of_delay(model, np.arange(11) / 10, 0.05)
+    grid = ro.GridFilter.of_delay(model, delays=np.arange(11) / 10, random_walk=0.05)
     y, u = read(columns, "%", "1", "level"), read(columns, "%", "1", "valve")
     return grid.run(y, u, state=grid.init([0.0], 1.0))
 
 
 def levant(columns: Columns) -> Run[Any]:
-    return ro.LevantDifferentiator(1.5, sampling_period=PERIOD).run(
+    return ro.LevantDifferentiator(L=1.5, sampling_period=PERIOD).run(
         read(columns, "mV", "V", "voltage")
     )
 
@@ -127,24 +129,31 @@ def eso() -> ro.ExtendedStateObserver:
     L = [[23.3, 494.0], [6.4, 206.0], [132.0, -103.0], [-30.3, 420.0], [1.96, 166.0]]
     Ld = [[0.337, 6.95], [0.168, 2.70], [2.03, -0.814], [-0.276, 4.65], [0.176, 2.32]]
     gains = Gains(np.array([*L, [133.0, -457.0]]), np.array([*Ld, [2.06, -6.75]]))
-    return ro.ExtendedStateObserver(system, gains, sampling_period=PERIOD)
+    return ro.ExtendedStateObserver(system, gains=gains, sampling_period=PERIOD)
 
 
 def svsf(friction: float = 10.0) -> ro.SmoothVariableStructureFilter:
-    return ro.SmoothVariableStructureFilter(motor_model(friction), [0.3, 0.1], 0.1)
+    return ro.SmoothVariableStructureFilter(
+        motor_model(friction), boundary_layer=[0.3, 0.1], convergence_rate=0.1
+    )
 
 
 STAYS = [[0.999, 0.001], [0.001, 0.999]]
 
-LEARNING, FORGETTING = (BODY, 1.0, 20.0, 100.0, PERIOD), (BODY, 0.99, 20.0, 100.0, PERIOD)
-EACH = {"sampling_period": PERIOD}
+EACH = {"observer_gain": 100.0, "sampling_period": PERIOD}
+LEARNING = {**EACH, "K1": 1.0, "K2": 20.0, "update_interval": PERIOD}
+FORGETTING = {**LEARNING, "K1": 0.99}
 
 BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
-    "ilo-sampled": rigid(lambda: ro.SampledILO(*LEARNING, **EACH)),
-    "ilo-continuous": rigid(lambda: ro.ILO(*LEARNING, **EACH)),
-    "ilo-forgetting": rigid(lambda: ro.ILO(*FORGETTING, **EACH)),
-    "adaptive": rigid(lambda: ro.AdaptiveObserver(BODY, 100.0, 100.0, 0.0, **EACH)),
-    "adaptive-pi": rigid(lambda: ro.AdaptiveObserver(BODY, 100.0, 200.0, 30.0, **EACH)),
+    "ilo-sampled": rigid(lambda: ro.SampledILO(BODY, **LEARNING)),
+    "ilo-continuous": rigid(lambda: ro.ILO(BODY, **LEARNING)),
+    "ilo-forgetting": rigid(lambda: ro.ILO(BODY, **FORGETTING)),
+    "adaptive": rigid(
+        lambda: ro.AdaptiveObserver(BODY, integral_gain=100.0, proportional_gain=0.0, **EACH)
+    ),
+    "adaptive-pi": rigid(
+        lambda: ro.AdaptiveObserver(BODY, integral_gain=200.0, proportional_gain=30.0, **EACH)
+    ),
     "normal-form-constant": pendulum(order=0),
     "normal-form-identity": pendulum(order=4),
     "normal-form-transformed": pendulum(order=4, form="transformed"),
@@ -153,10 +162,17 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     "levant": levant,
     "kalman": motor(lambda: ro.KalmanFilter(motor_model())),
     "augmented-kalman": motor(
-        lambda: ro.AugmentedKalmanFilter(motor_model(), motor_model().B, 1e-3)
+        lambda: ro.AugmentedKalmanFilter(
+            motor_model(), fault_matrix=motor_model().B, random_walk=1e-3
+        )
     ),
     "augmented-kalman-bias": motor(
-        lambda: ro.AugmentedKalmanFilter(motor_model(), [[0.0], [0.0]], 1e-4, [[1.0], [0.0]])
+        lambda: ro.AugmentedKalmanFilter(
+            motor_model(),
+            fault_matrix=[[0.0], [0.0]],
+            random_walk=1e-4,
+            output_fault_matrix=[[1.0], [0.0]],
+        )
     ),
     "extended-kalman": swing(ro.ExtendedKalmanFilter),
     "unscented-kalman": swing(ro.UnscentedKalmanFilter),
@@ -166,17 +182,24 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     ),
     "imm-svsf": motor(lambda: ro.IMM([svsf(f) for f in (10.0, 20.0)], STAYS)),
     "fault-bank": motor(
-        lambda: ro.FaultBank(motor_model(), motor_model().B, 0.1, 20.0, 0.1, 0.05)
+        lambda: ro.FaultBank(
+            motor_model(),
+            fault_matrix=motor_model().B,
+            drift=0.1,
+            jump=20.0,
+            jump_rate=0.1,
+            jump_time=0.05,
+        )
     ),
     "delay-grid": delay_grid,
     "eso": motor(eso, lambda observer: observer.init()),
     "luenberger-gain": motor(
-        lambda: ro.FixedGainObserver(motor_model(), [[0.3, 0.2], [0.0, 0.4]])
+        lambda: ro.FixedGainObserver(motor_model(), gain=[[0.3, 0.2], [0.0, 0.4]])
     ),
     "luenberger": motor(
         lambda: ro.luenberger(motor_model(), np.exp(PERIOD * np.array([-70.0, -50.0])))
     ),
     "kalman-steady": motor(lambda: ro.steady_kalman(motor_model())),
-}  # fmt: skip
+}
 for more in stated("BY_HAND"):
     BY_HAND |= more

@@ -152,7 +152,9 @@ def test_record_types_do_not_affect_compilation_or_bits() -> None:
 
 def test_objects_in_the_wrong_place_are_refused() -> None:
     body = RigidBody(np.eye(3))
-    observer = SampledILO(body, 0.5, 10.0, 30.0, 0.1, sampling_period=0.01)
+    observer = SampledILO(
+        body, K1=0.5, K2=10.0, observer_gain=30.0, update_interval=0.1, sampling_period=0.01
+    )
     start, record = observer.init(np.zeros(3)), np.zeros((3, 3))
     one, none, gain = np.ones((1, 1)), np.empty((1, 0)), np.ones((3, 1))
     system = AugmentedSystem(-one, one, one, none, none, one, none)
@@ -161,14 +163,29 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
         (lambda: observer.run(record, record, state=record), "state"),
         (lambda: observer.run(record, record, state=KalmanFilter), "state"),
         (lambda: observer.step(None, record[0], record[0]), "state"),
-        (lambda: SampledILO(3, 0.5, 10.0, 30.0, 0.1, sampling_period=0.01), "model"),
-        (lambda: SampledILO(body, {}, 10.0, 30.0, 0.1, sampling_period=0.01), "K1"),
+        (
+            lambda: SampledILO(
+                3, K1=0.5, K2=10.0, observer_gain=30.0, update_interval=0.1, sampling_period=0.01
+            ),
+            "model",
+        ),
+        (
+            lambda: SampledILO(
+                body, K1={}, K2=10.0, observer_gain=30.0, update_interval=0.1, sampling_period=0.01
+            ),
+            "K1",
+        ),
         (lambda: KalmanFilter(body), "model"),
         (
-            lambda: ExtendedStateObserver(system, {"L": gain, "Ld": gain}, sampling_period=0.01),
+            lambda: ExtendedStateObserver(
+                system, gains={"L": gain, "Ld": gain}, sampling_period=0.01
+            ),
             "gains",
         ),
-        (lambda: ExtendedStateObserver(gain, Gains(gain, gain), sampling_period=0.01), "system"),
+        (
+            lambda: ExtendedStateObserver(gain, gains=Gains(gain, gain), sampling_period=0.01),
+            "system",
+        ),
         (lambda: vector_field(3), "function"),
         (lambda: vector_field(lambda x, p, f: open("y", encoding="utf-8")), "function"),  # noqa: SIM115
     ]

@@ -43,13 +43,15 @@ def still(columns: int | None, steps: int) -> Array:
 
 
 def high_gain(rho: float, step: float) -> Callable[[], Any]:
-    observer = HighGainObserver(MODEL, rho, sampling_period=step)
+    observer = HighGainObserver(MODEL, rho=rho, sampling_period=step)
     record = np.zeros(3001)
     return lambda: observer.run(record, record, state=observer.init([1.0, 0.0]))
 
 
 def extended(rho: float, step: float) -> Callable[[], Any]:
-    observer = ExtendedHighGainObserver(MODEL, rho, 1, (0.0, 1.0), sampling_period=step)
+    observer = ExtendedHighGainObserver(
+        MODEL, rho=rho, order=1, delay_bounds=(0.0, 1.0), sampling_period=step
+    )
     time = 0.5 * step * np.arange(2 * 3000 + 1)
     u = np.column_stack([np.sin(time), np.cos(time)])
     y, start = still(None, 3000), observer.init([1.0, 0.0], 0.5)
@@ -73,14 +75,46 @@ STIFF: dict[str, Callable[[], Any]] = {
     "normal form": series_gain(0.01),
     "high gain": high_gain(400.0, 0.01),
     "extended high gain": extended(400.0, 0.1),
-    "adaptive": rigid(AdaptiveObserver(BODY, 300.0, 1.0, 0.0, sampling_period=0.01)),
-    "continuous": rigid(ILO(BODY, 0.5, 10.0, 300.0, 0.1, sampling_period=0.01)),
-    "sampled": rigid(SampledILO(BODY, 0.5, 10.0, 300.0, 0.1, sampling_period=0.01)),
+    "adaptive": rigid(
+        AdaptiveObserver(
+            BODY,
+            observer_gain=300.0,
+            integral_gain=1.0,
+            proportional_gain=0.0,
+            sampling_period=0.01,
+        )
+    ),
+    "continuous": rigid(
+        ILO(BODY, K1=0.5, K2=10.0, observer_gain=300.0, update_interval=0.1, sampling_period=0.01)
+    ),
+    "sampled": rigid(
+        SampledILO(
+            BODY, K1=0.5, K2=10.0, observer_gain=300.0, update_interval=0.1, sampling_period=0.01
+        )
+    ),
 }
 GROWING: dict[str, Callable[[], Any]] = {
-    "continuous": rigid(ILO(BODY, 3.0, 1.0, 10.0, 0.05, allow_unstable=True, sampling_period=0.01)),
+    "continuous": rigid(
+        ILO(
+            BODY,
+            K1=3.0,
+            K2=1.0,
+            observer_gain=10.0,
+            update_interval=0.05,
+            allow_unstable=True,
+            sampling_period=0.01,
+        )
+    ),
     "sampled": rigid(
-        SampledILO(BODY, 3.0, 1.0, 10.0, 0.05, allow_unstable=True, sampling_period=0.01)
+        SampledILO(
+            BODY,
+            K1=3.0,
+            K2=1.0,
+            observer_gain=10.0,
+            update_interval=0.05,
+            allow_unstable=True,
+            sampling_period=0.01,
+        )
     ),
 }
 
@@ -116,20 +150,26 @@ def of_bank(**how: Any) -> Any:
 
 
 def of_levant(**how: Any) -> Any:
-    differentiator = LevantDifferentiator(1e200, 1, (1.0, 1.0), sampling_period=1e60)
+    differentiator = LevantDifferentiator(
+        L=1e200, order=1, lambdas=(1.0, 1.0), sampling_period=1e60
+    )
     return differentiator.run(np.zeros(9), state=differentiator.init([1e300, 0.0]), **how)
 
 
 def of_extended_state(**how: Any) -> Any:
     placed = place_poles(SYSTEM.A_tilde.T, SYSTEM.C_tilde.T, [-30.0, -40.0, -50.0]).gain_matrix.T
-    observer = ExtendedStateObserver(SYSTEM, Gains(placed, np.zeros((3, 1))), sampling_period=0.1)
+    observer = ExtendedStateObserver(
+        SYSTEM, gains=Gains(placed, np.zeros((3, 1))), sampling_period=0.1
+    )
     y = np.zeros((9, 1))
     y[4:6, 0] = 1.7e308, -1.7e308
     return observer.run(y, y, **how)
 
 
 def of_adaptive(**how: Any) -> Any:
-    observer = AdaptiveObserver(BODY, 300.0, 1.0, 0.0, sampling_period=0.01)
+    observer = AdaptiveObserver(
+        BODY, observer_gain=300.0, integral_gain=1.0, proportional_gain=0.0, sampling_period=0.01
+    )
     start = observer.init([0.1, 0.2, -0.1])
     return run_on_halves(observer, still(3, 4000), still(3, 4000), state=start, **how)
 
@@ -172,7 +212,9 @@ def test_stepped_filter_stops_at_the_same_sample_as_its_run(taken: float) -> Non
 
 
 def test_rate_near_overflow_gives_finite_fault() -> None:
-    observer = SampledILO(BODY, 0.9, 10.0, 10.0, 0.1, sampling_period=0.01)
+    observer = SampledILO(
+        BODY, K1=0.9, K2=10.0, observer_gain=10.0, update_interval=0.1, sampling_period=0.01
+    )
     rate = np.full((5, 3), 1e308)
     with pytest.raises(DivergenceError, match=r"^SampledILO diverged"):
         observer.run(rate, np.zeros((5, 3)), state=observer.init(np.zeros(3)))
@@ -184,7 +226,9 @@ def test_rate_near_overflow_gives_finite_fault() -> None:
 
 
 def test_step_and_run_report_the_same_divergence() -> None:
-    observer = AdaptiveObserver(BODY, 300.0, 1.0, 0.0, sampling_period=0.01)
+    observer = AdaptiveObserver(
+        BODY, observer_gain=300.0, integral_gain=1.0, proportional_gain=0.0, sampling_period=0.01
+    )
     start, rest = observer.init([0.1, 0.2, -0.1]), np.zeros((4001, 3))
     quiet = observer.run(rest, rest, state=start, on_divergence="return")
     rows = len(quiet)
@@ -217,7 +261,15 @@ def test_step_is_not_blamed_where_no_step_is_integrated(name: str) -> None:
 
 
 def test_step_is_not_blamed_for_the_first_row() -> None:
-    observer = SampledILO(BODY, 0.9, 1e10, 10.0, 0.1, allow_unstable=True, sampling_period=0.01)
+    observer = SampledILO(
+        BODY,
+        K1=0.9,
+        K2=1e10,
+        observer_gain=10.0,
+        update_interval=0.1,
+        allow_unstable=True,
+        sampling_period=0.01,
+    )
     start, rate = observer.init(np.zeros(3)), np.full((1, 3), 1e308)
     for rows in (1, 2):
         y = np.repeat(rate, rows, axis=0)
@@ -226,7 +278,9 @@ def test_step_is_not_blamed_for_the_first_row() -> None:
 
 
 def test_divergence_is_reported_in_record_time() -> None:
-    observer = AdaptiveObserver(BODY, 300.0, 1.0, 0.0, sampling_period=0.01)
+    observer = AdaptiveObserver(
+        BODY, observer_gain=300.0, integral_gain=1.0, proportional_gain=0.0, sampling_period=0.01
+    )
     start, rest = observer.init([0.1, 0.2, -0.1]), np.zeros((4001, 3))
     time = 20.0 + 0.01 * np.arange(4001)
     quiet = observer.run(rest, rest, state=start, time=time, on_divergence="return")

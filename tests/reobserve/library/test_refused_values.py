@@ -19,7 +19,14 @@ from reobserve.systems.rigid_body import RigidBody
 
 KALMAN = KalmanFilter(LinearModel([[1.0]], [[1.0]], [[1.0]], Q=1.0, R=1.0, sampling_period=0.1))
 BANK = IMM([KALMAN, KALMAN], [[0.9, 0.1], [0.1, 0.9]])
-LEARNING = ILO(RigidBody(np.diag([1.0, 2.0, 3.0])), 0.9, 5.0, 5.0, 0.1, sampling_period=0.1)
+LEARNING = ILO(
+    RigidBody(np.diag([1.0, 2.0, 3.0])),
+    K1=0.9,
+    K2=5.0,
+    observer_gain=5.0,
+    update_interval=0.1,
+    sampling_period=0.1,
+)
 ZERO, TWO = np.zeros(3), np.zeros((2, 3))
 
 

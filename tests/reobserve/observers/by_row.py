@@ -33,7 +33,7 @@ MODEL = LinearModel(
     [[0.7, -1.2], [0.0, 2.0]],
     Q=[0.2, 0.1, 0.3], R=0.1, sampling_period=0.1,
 )  # fmt: skip
-OTHER = LinearModel(0.8 * MODEL.A, MODEL.B, MODEL.C, MODEL.D, 0.5, 0.2, sampling_period=0.1)
+OTHER = LinearModel(0.8 * MODEL.A, MODEL.B, MODEL.C, MODEL.D, Q=0.5, R=0.2, sampling_period=0.1)
 SPRING = LinearModel.from_ode(
     [[0.0, 1.0], [-2.0, -0.4]], [[0.0, 0.0], [1.0, 0.3]], np.eye(2), [[0.0, 0.1], [0.2, 0.0]],
     R=0.05, density=[[0.2, 0.05], [0.05, 0.3]], sampling_period=0.1,
@@ -97,11 +97,17 @@ def bank(*filters: Any) -> IMM:
 
 
 def svsf(model: LinearModel = MODEL) -> SmoothVariableStructureFilter:
-    return SmoothVariableStructureFilter(model, 0.5, 0.1)
+    return SmoothVariableStructureFilter(model, boundary_layer=0.5, convergence_rate=0.1)
 
 
 def augmented(model: LinearModel = MODEL, **options: Any) -> AugmentedKalmanFilter:
-    return AugmentedKalmanFilter(model, [[1.0], [0.0], [0.5]], 0.05, [[0.2], [-0.1]], **options)
+    return AugmentedKalmanFilter(
+        model,
+        fault_matrix=[[1.0], [0.0], [0.5]],
+        random_walk=0.05,
+        output_fault_matrix=[[0.2], [-0.1]],
+        **options,
+    )
 
 
 def kalman_bank() -> IMM:

@@ -38,7 +38,7 @@ def high_gain() -> Case:
             lambda _, v, k=k: pendulum_slope(v, u[k]), (0, PERIOD), x[k],
             method="DOP853", rtol=1e-10, atol=1e-12,
         ).y[:, -1]  # fmt: skip
-    observer = HighGainObserver(model, 5.0, sampling_period=PERIOD)
+    observer = HighGainObserver(model, rho=5.0, sampling_period=PERIOD)
     return Case(
         observer, x[:, 0], u, observer.init(x[0]), {"state": x}, {"state": 2e-3}, 0, 50.0, 1e308
     )
@@ -53,18 +53,20 @@ def _ramp(rows: int) -> tuple[Array, Array, Array]:
 def extended(alone: bool) -> Case:
     """The ramp with or without its slope; the initial delay is wrong."""
     time, u, x = _ramp(600)
-    observer = ExtendedHighGainObserver(first_order_lag(), 3.0, 1, BOUNDS, sampling_period=PERIOD)
+    observer = ExtendedHighGainObserver(
+        first_order_lag(), rho=3.0, order=1, delay_bounds=BOUNDS, sampling_period=PERIOD
+    )
     known = u if alone else np.column_stack([u, np.full_like(u, SLOPE)])
     truth = {"state": x[:, None], "delay": np.full_like(time, DELAY)}
     bounds = {"state": 1e-6, "delay": 1e-6}
-    return Case(observer, x, known, observer.init(x[:1], 0.3), truth, bounds, 400, 1e4, 1e308)
+    return Case(observer, x, known, observer.init(x[:1], delay=0.3), truth, bounds, 400, 1e4, 1e308)
 
 
 def levant() -> Case:
     """A parabola with exactly representable numbers, tracked to the last bit."""
     time = np.arange(400) / 64
     truth = np.column_stack([1.0 + 4.0 * time - 6.0 * time**2, 4.0 - 12.0 * time, 0 * time - 12.0])
-    observer = LevantDifferentiator(4.0, sampling_period=1 / 64)
+    observer = LevantDifferentiator(L=4.0, sampling_period=1 / 64)
     start = observer.init(truth[0])
     return Case(
         observer, truth[:, 0], None, start, {"derivatives": truth}, {"derivatives": 1e-12}, 0, 1e6,
@@ -77,10 +79,10 @@ def normal_form(kind: str) -> Case:
     steps, step = 500, 0.01
     x = plant(step, steps)[::2]
     series = form(with_cubic=True)
-    observer: Any = IdentityObserver(series, 4, "jacobian", sampling_period=step)
+    observer: Any = IdentityObserver(series, order=4, gain="jacobian", sampling_period=step)
     truth = {"state": x}
     if kind == "transformed":
-        observer = TransformedObserver(series, 4, sampling_period=step)
+        observer = TransformedObserver(series, order=4, sampling_period=step)
         truth["coordinates"] = np.column_stack([x[:, 0], x[:, 1] + x[:, 0] ** 3 / 3])
     bounds = dict.fromkeys(truth, 2e-4)
     return Case(observer, x[:, 0], None, observer.init(x[0]), truth, bounds, 0, 100.0)

@@ -64,7 +64,7 @@ def kalman() -> Case:
 
 def variable_structure() -> Case:
     """The SVSF, with a layer wide enough for it to depend on the model."""
-    case = _filter(SmoothVariableStructureFilter(MODEL, 10.0, 0.1))
+    case = _filter(SmoothVariableStructureFilter(MODEL, boundary_layer=10.0, convergence_rate=0.1))
     return replace(case, state=case.observer.init(case.truth["state"][0], 1.0))
 
 
@@ -86,7 +86,7 @@ def bank() -> Case:
 
 def unknown_input() -> Case:
     """A Kalman filter that estimates a constant force."""
-    observer, u = AugmentedKalmanFilter(MODEL, HELD[1], 1e-8), force()
+    observer, u = AugmentedKalmanFilter(MODEL, fault_matrix=HELD[1], random_walk=1e-8), force()
     x, d = states(u, 0.3), np.full((ROWS, 1), 0.3)
     start = observer.init([0.0, 0.0], 1.0)
     truth, bounds = {"state": x, "unknown_input": d}, {"state": 1e-8, "unknown_input": 1e-8}
@@ -102,7 +102,7 @@ def extended_state() -> Case:
     system = AugmentedSystem(A, B, np.eye(2), none, none, B, rate, Az=20.0)
     poles = [-3.0, -3.5, -4.0, -30.0, -31.0, -32.0]
     gains = Gains(place(system.A_tilde, system.C_tilde, poles), np.zeros((system.size, 2)))
-    observer, u = ExtendedStateObserver(system, gains, sampling_period=PERIOD), force()
+    observer, u = ExtendedStateObserver(system, gains=gains, sampling_period=PERIOD), force()
     x = states(u, 0.3)
     faults = {"actuator_fault": np.full((ROWS, 1), 0.3), "sensor_fault": np.full((ROWS, 1), -0.2)}
     y = x + np.array([0.0, -0.2])
@@ -114,7 +114,10 @@ def jumping() -> Case:
     """A bank for a force that jumps, with no noise but its own: it is seen a row later."""
     u, k = force(), np.arange(ROWS)
     fault = np.where((k > 150) & (k < 250), 0.5, 0.0)[:, None]
-    x, observer = states(u, fault), FaultBank(MODEL, HELD[1], 1e-3, 10.0, 0.1, 0.1)
+    x, observer = (
+        states(u, fault),
+        FaultBank(MODEL, fault_matrix=HELD[1], drift=1e-3, jump=10.0, jump_rate=0.1, jump_time=0.1),
+    )
     start = observer.init([0.0, 0.0], 1.0)
     truth = {"state": x, "fault": fault}
     return Case(observer, x, u, start, truth, {"state": 0.005, "fault": 0.02}, 300, 3.0)
@@ -125,7 +128,7 @@ def late() -> Case:
     u = force()
     x = states(np.concatenate([u[:1], u[:1], u[:1], u[:-3]]))
     model = LinearModel.from_ode(A, B, np.eye(2), Q=1e-6, R=1e-6, sampling_period=PERIOD)
-    observer = GridFilter.of_delay(model, [0.0, 0.05, 0.1, 0.15, 0.18, 0.25])
+    observer = GridFilter.of_delay(model, delays=[0.0, 0.05, 0.1, 0.15, 0.18, 0.25])
     start = observer.init([0.0, 0.0], 1.0)
     truth = {"state": x, "parameter": np.full(ROWS, 0.15)}
     return Case(observer, x, u, start, truth, {"state": 1e-9, "parameter": 1e-9}, 100, 1e3)

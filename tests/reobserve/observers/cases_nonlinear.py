@@ -98,7 +98,7 @@ def extended() -> Case:
 
 def unscented() -> Case:
     """The model as text."""
-    return _case(UnscentedKalmanFilter(text_model(), 0.5), true_step, _both)
+    return _case(UnscentedKalmanFilter(text_model(), alpha=0.5), true_step, _both)
 
 
 def extended_called() -> Case:

@@ -59,20 +59,42 @@ def _rigid_body(observer: RigidBodyObserver) -> Case:
 def sampled_ilo() -> Case:
     """v is updated at every second sample."""
     body = RigidBody(_INERTIA)
-    return _rigid_body(SampledILO(body, 1.0, 1000.0, 1000.0, 2 * _PERIOD, sampling_period=_PERIOD))
+    return _rigid_body(
+        SampledILO(
+            body,
+            K1=1.0,
+            K2=1000.0,
+            observer_gain=1000.0,
+            update_interval=2 * _PERIOD,
+            sampling_period=_PERIOD,
+        )
+    )
 
 
 def continuous_ilo() -> Case:
     """v is learned continuously from its value five samples before."""
     return _rigid_body(
-        ILO(RigidBody(_INERTIA), 0.9, 1000.0, 10.0, 5 * _PERIOD, sampling_period=_PERIOD)
+        ILO(
+            RigidBody(_INERTIA),
+            K1=0.9,
+            K2=1000.0,
+            observer_gain=10.0,
+            update_interval=5 * _PERIOD,
+            sampling_period=_PERIOD,
+        )
     )
 
 
 def adaptive() -> Case:
     """A proportional-integral law."""
     return _rigid_body(
-        AdaptiveObserver(RigidBody(_INERTIA), 200.0, 2000.0, 50.0, sampling_period=_PERIOD)
+        AdaptiveObserver(
+            RigidBody(_INERTIA),
+            observer_gain=200.0,
+            integral_gain=2000.0,
+            proportional_gain=50.0,
+            sampling_period=_PERIOD,
+        )
     )
 
 

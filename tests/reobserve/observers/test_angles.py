@@ -186,7 +186,7 @@ def test_first_row_is_within_half_a_period_and_banks_do_not_depend_on_their_orde
         bank = IMM([KalmanFilter(model)] * 3, np.eye(3), mixing=False)
         shares = [1e-6 if one == 0 else 0.5 - 5e-7 for one in order]
         means = [[float(one)] for one in order]
-        found.append(bank.run([np.nan], state=bank.init(means, 1.0, shares)))
+        found.append(bank.run([np.nan], state=bank.init(means, 1.0, probabilities=shares)))
     assert found[0]["state"] == pytest.approx(found[1]["state"], abs=1e-9)
     # Two at 180 +- 2 with the variance 1, and a millionth at a distance of 180.
     assert found[0]["variance"][0, 0] == pytest.approx(5 + 1e-6 * 180**2, rel=1e-3)

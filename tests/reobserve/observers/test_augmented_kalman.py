@@ -48,8 +48,12 @@ def test_unknown_input_is_exact_without_noise_one_row_later() -> None:
     u, force = inputs(120)
     states = moved(u, force)
     model = LinearModel(*HELD, np.eye(2), Q=0.0, R=1e-14, sampling_period=PERIOD)
-    observer = AugmentedKalmanFilter(model, FORCE, 1.0)
-    run = observer.run(states, u, state=observer.init([0.0, 0.0], 1.0, [0.0], 1.0))
+    observer = AugmentedKalmanFilter(model, fault_matrix=FORCE, random_walk=1.0)
+    run = observer.run(
+        states,
+        u,
+        state=observer.init([0.0, 0.0], 1.0, unknown_input=[0.0], unknown_input_covariance=1.0),
+    )
     assert np.abs(run["unknown_input"][1:] - force[:-1]).max() < 1e-9
     assert np.abs(run["state"] - states).max() < 1e-9
     plain = KalmanFilter(model)
@@ -62,7 +66,9 @@ def test_sensor_bias_is_identified_by_the_second_sensor() -> None:
     states = moved(u, none)
     y = states[:, [0, 0]] + np.array([0.0, 0.7])
     model = mass(1e-8, [[1.0, 0.0], [1.0, 0.0]])
-    observer = AugmentedKalmanFilter(model, np.zeros((2, 1)), 1e-12, [[0.0], [1.0]])
+    observer = AugmentedKalmanFilter(
+        model, fault_matrix=np.zeros((2, 1)), random_walk=1e-12, output_fault_matrix=[[0.0], [1.0]]
+    )
     run = observer.run(y, u, state=observer.init([0.0, 0.0], 1.0))
     assert run["unknown_input"][-1] == pytest.approx([0.7], abs=1e-6)
     assert run["unknown_input_variance"].shape == (400, 1)
@@ -72,8 +78,12 @@ def test_sensor_bias_is_identified_by_the_second_sensor() -> None:
 def test_augmented_filter_agrees_with_filterpy() -> None:
     u, force = inputs(200)
     y = moved(u, force)[:, :1] + 0.01 * ripple(200)
-    observer = AugmentedKalmanFilter(mass(), FORCE, 1e-3)
-    run = observer.run(y, u, state=observer.init([0.1, 0.2], 0.5, [0.4], 2.0))
+    observer = AugmentedKalmanFilter(mass(), fault_matrix=FORCE, random_walk=1e-3)
+    run = observer.run(
+        y,
+        u,
+        state=observer.init([0.1, 0.2], 0.5, unknown_input=[0.4], unknown_input_covariance=2.0),
+    )
     peer = FilterpyKalmanFilter(3, 1, 1)
     peer.F = np.block([[HELD[0], FORCE], [np.zeros((1, 2)), np.eye(1)]])
     peer.B, peer.H = np.vstack([HELD[1], [[0.0]]]), np.array([[1.0, 0.0, 0.0]])
@@ -137,13 +147,13 @@ def test_unknown_inputs_that_cannot_be_estimated_are_refused(arguments: Any, sai
 def test_invalid_initial_states_are_refused(changed: dict[str, Any], said: str) -> None:
     given: dict[str, Any] = {"mean": [0.0, 0.0], "covariance": 1.0, **changed}
     with pytest.raises(InputError, match=f"^{said}"):
-        AugmentedKalmanFilter(mass(), FORCE, 1.0).init(**given)
+        AugmentedKalmanFilter(mass(), fault_matrix=FORCE, random_walk=1.0).init(**given)
 
 
 def test_time_varying_noise_agrees_with_the_augmented_kalman_filter() -> None:
     u, force = inputs(80)
     y = moved(u, force)[:, :1] + 0.01 * np.random.default_rng(3).standard_normal((80, 1))
-    observer = AugmentedKalmanFilter(mass(), FORCE, 1e-3)
+    observer = AugmentedKalmanFilter(mass(), fault_matrix=FORCE, random_walk=1e-3)
     zero, one = np.zeros((1, 2)), np.eye(1)
     whole = KalmanFilter(
         LinearModel(

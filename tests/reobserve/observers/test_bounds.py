@@ -38,7 +38,9 @@ for name, make in GIVEN.items():
     one = make()
     run = one.observer.run(y, u, state=one.state, **one.given)
     if name in ("Kalman", "EKF", "UKF"):
-        rts_smoother(one.observer, run, u, **part(one.given, slice(None)) | {"keep": None})
+        again = part(one.given, slice(None))
+        again.pop("keep", None)
+        rts_smoother(one.observer, run, u, **again)
 print("all within bounds")
 """
 

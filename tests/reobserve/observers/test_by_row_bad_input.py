@@ -90,14 +90,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {
         augmented, {"A": np.zeros((ROWS, 4, 4))},
         r"A: has shape \(9, 4, 4\), must be \(3, 3\) or \(9, 3, 3\)$",
     ),
-    "unknown name": (
-        kalman, {"G": np.eye(3)},
-        r"G: is not taken by KalmanFilter, beside y and u it takes A, B, C, D, Q, R, keep, S$",
-    ),
-    "A of a nonlinear model": (
-        extended, {"A": np.eye(2)},
-        r"A: is not taken by ExtendedKalmanFilter, beside y and u it takes Q, R, parameters, dt,",
-    ),
     "S for an SVSF": (svsf, {"S": np.zeros((3, 2))}, r"S: is not taken by Smooth"),
     "C for an SVSF": (svsf, {"C": MODEL.C}, r"C: is not taken by SmoothVariableStructureFilter,"),
     "S for a fixed gain": (
@@ -135,7 +127,8 @@ REFUSED: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {
         r"time: goes from 0.2 to 0.35 s at row 3, must go on by",
     ),
     "uneven time of an augmented filter": (
-        lambda: AugmentedKalmanFilter(SPRING, [[1.0], [0.0]], 0.1), {"time": TIMES},
+        lambda: AugmentedKalmanFilter(SPRING, fault_matrix=[[1.0], [0.0]], random_walk=0.1),
+        {"time": TIMES},
         r"time: goes from 0.2 to 0.35 s at row 3, must go on by the sampling period of 0.1 s; for "
         r"other times give from_ode the matrices of \[x, d\], for a Kalman filter$",
     ),
@@ -153,7 +146,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {
     ),
     "dt not positive": (extended, {"dt": [0.1] * 8 + [0.0]}, r"dt: .* must be a positive time"),
     "dt of fewer rows": (extended, {"dt": [0.1] * 4}, r"dt: .* must be a positive time, or 9 of"),
-    "dt of a linear model": (lambda: kalman(SPRING), {"dt": 0.2}, r"dt: is not taken by Kalman"),
     "unknown parameter": (
         extended, {"parameters": {"stifness": 1.0}},
         r"parameters.stifness: is no parameter of the model; did you mean 'stiffness'\?$",
@@ -207,8 +199,6 @@ def test_records_of_other_lengths_are_refused() -> None:
         one.run([y, y], u, state=[state])
     with pytest.raises(InputError, match=r"^record 1\.y: has shape \(9, 1\), must have one row or"):
         one.run([y, y[:, :1]], u, state=state)
-    with pytest.raises(InputError, match=r"^before: must be left out with many records$"):
-        one.run([y, y], u, state=state, before=(y, None))
 
 
 def test_smoother_refuses_what_does_not_belong_to_the_run() -> None:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.interrupts import FIRST
 from reobserve.core.value import Value
-from reobserve.observers.contract import Observer
+from reobserve.observers.contract import IntegratingObserver, Observer
 from reobserve.observers.imm import IMM
 from reobserve.observers.run import Run
 from tests.reobserve.observers.case import Case, observe
@@ -80,7 +80,7 @@ def detailed(case: Case) -> dict[str, Any]:
         record["y"] = record["y"].copy()
         record["y"][5], record["y"][20:23] = np.nan, np.nan
         record["y"][9].flat[0] = np.nan
-    if case.observer.reads_between:
+    if isinstance(case.observer, IntegratingObserver):
         rng = np.random.default_rng(3)
 
         def near(values: Array | None, rows: list[int]) -> Array | None:
@@ -151,13 +151,13 @@ def test_two_consecutive_runs_equal_one(case: Case, record_of: RecordOf, at: int
 
 def test_limits_and_midpoints_are_used(case: Case) -> None:
     record = detailed(case)
-    if case.observer.reads_between and case.notices_midpoints:
+    if isinstance(case.observer, IntegratingObserver) and case.notices_midpoints:
         run = case.observer.run(**record, state=case.state)
         for name in ("before", "middle"):
             one = {key: value for key, value in record.items() if key != name}
             assert not same_rows(case.observer.run(**one, state=case.state), run), name
-    elif not case.observer.reads_between:
-        with pytest.raises(InputError, match=r"^before: must be left out: \w+ reads nothing in"):
+    elif not isinstance(case.observer, IntegratingObserver):
+        with pytest.raises(TypeError, match="unexpected keyword argument 'before'"):
             case.observer.step(case.state, *row_of(case, 0), before=row_of(case, 0))
 
 
@@ -461,7 +461,7 @@ def test_invalid_inputs_limits_and_midpoints_are_refused_naming_the_row(case: Ca
         holed[4] = np.nan
         with pytest.raises(InputError, match=r"^u: sample 4 is "):
             observe(case, u=holed)
-    if case.observer.reads_between:
+    if isinstance(case.observer, IntegratingObserver):
         for name in ("before", "middle"):
             with pytest.raises(InputError, match=rf"^{name} y: has 3 rows, must have \d+ like y$"):
                 observe(case, **{name: (case.y[:3], None)})

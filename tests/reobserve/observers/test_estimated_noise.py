@@ -93,7 +93,7 @@ def test_filters_of_the_same_linear_model_estimate_the_same() -> None:
         ExtendedKalmanFilter(text, noise_memory=5.0),
         UnscentedKalmanFilter(text, noise_memory=5.0),
         IMM([KalmanFilter(model(R))] * 2, [[0.9, 0.1], [0.2, 0.8]], noise_memory=5.0),
-        IMM([KalmanFilter(model(R))] * 2, [[0.9, 0.1], [0.2, 0.8]], False, noise_memory=5.0),
+        IMM([KalmanFilter(model(R))] * 2, [[0.9, 0.1], [0.2, 0.8]], mixing=False, noise_memory=5.0),
     ):
         state = observer.init([0, 0], 1.0)
         run = observer.run(y, state=state)
@@ -179,7 +179,9 @@ def test_noise_that_cannot_be_seen_is_refused() -> None:
 
 def test_unknown_inputs_leave_the_noise_visible() -> None:
     plant = LinearModel([[0.95]], C=[[1.0]], Q=1e-6, R=1.0)
-    observer = AugmentedKalmanFilter(plant, [[0.05]], 1e-4, noise_memory=500.0)
+    observer = AugmentedKalmanFilter(
+        plant, fault_matrix=[[0.05]], random_walk=1e-4, noise_memory=500.0
+    )
     y = np.random.default_rng(2).normal(0.0, 2.0, 20_000)
     run = observer.run(y, state=observer.init([0.0], 1.0))
     assert run["noise_variance"][10_000:].mean() == pytest.approx(4.0, rel=0.03)

@@ -78,15 +78,16 @@ def record(applied: str, step: float, end: float) -> tuple[Array, Array]:
 
 def observer(case: Case, step: float) -> ExtendedHighGainObserver:
     return ExtendedHighGainObserver(
-        pendulum(), case.rho, case.order, case.bounds, case.threshold, case.switched,
-        1.0 if case.dynamic else None, sampling_period=step,
+        pendulum(), rho=case.rho, order=case.order, delay_bounds=case.bounds,
+        threshold=case.threshold, switched=case.switched,
+        initial_matrix=1.0 if case.dynamic else None, sampling_period=step,
     )  # fmt: skip
 
 
 def observed(case: Case, step: float, end: float) -> Run[ExtendedHighGainState]:
     y, u = record(case.applied, step, end)
     built = observer(case, step)
-    start = built.init([0.0, 0.0], FIRST_DELAY)
+    start = built.init([0.0, 0.0], delay=FIRST_DELAY)
     inputs = u[:, : case.order + 1]
     return run_on_halves(built, y, inputs, state=start, on_divergence="return")
 
@@ -257,7 +258,7 @@ def inside(case: Case, step: float, run: Run[ExtendedHighGainState], k: int, sha
     ])  # fmt: skip
     three = slice(2 * k, 2 * k + 3)
     built = observer(case, share * step)
-    start = built.init(run["state"][k], run["delay"][k])
+    start = built.init(run["state"][k], delay=run["delay"][k])
     inputs = weights @ u[three, : case.order + 1]
     return float(run_on_halves(built, weights @ y[three], inputs, state=start)["delay"][-1])
 
@@ -295,7 +296,7 @@ def test_delay_stays_within_its_interval(seed: int) -> None:
     )  # fmt: skip
     y, u = record(applied, step, end)
     built = observer(case, step)
-    start = built.init(draw.uniform(-2, 2, 2), draw.uniform(*case.bounds))
+    start = built.init(draw.uniform(-2, 2, 2), delay=draw.uniform(*case.bounds))
     run = run_on_halves(built, y, u[:, : case.order + 1], state=start)
     assert run.diverged_at is None
     assert run["delay"].min() >= case.bounds[0]
@@ -328,9 +329,11 @@ def test_sliding_along_the_threshold_agrees_with_theory(step: float) -> None:
     # xi^ = tau^ / 2 - t - 0.15 falls while the delay's gain is off, and rises while it is on, as
     # that moves tau^ by about 4 s a second: from 0.05 s on it slides along -0.1, so tau^ by 2.
     model = triangular_model(["x"], ["0"], "1")
-    made = ExtendedHighGainObserver(model, 0.01, 2, (0.0, 1.5), threshold=0.1, sampling_period=step)
+    made = ExtendedHighGainObserver(
+        model, rho=0.01, order=2, delay_bounds=(0.0, 1.5), threshold=0.1, sampling_period=step
+    )
     t = step * np.arange(round(0.5 / step) + 1)
     u = np.column_stack([0.5 * t**2 + 0.15 * t, t + 0.15, np.ones_like(t)])
-    run = made.run(np.full((len(t), 1), -4000.0), u, state=made.init([0.0], 0.2))
+    run = made.run(np.full((len(t), 1), -4000.0), u, state=made.init([0.0], delay=0.2))
     assert run["delay"] == pytest.approx(np.maximum(0.2, 2.0 * t + 0.1), abs=2.5 * step)
     assert np.mean(run["switched_off"][t > 0.06]) == pytest.approx(0.5, abs=0.05)

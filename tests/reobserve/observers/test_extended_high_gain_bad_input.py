@@ -40,7 +40,7 @@ def test_stepping_and_piecewise_runs_are_bitwise_identical_to_one_run(switched: 
     (y, a), (y_before, b) = (pair + right).T, (pair + left).T
     rate = u[:, 1:]
     u, u_before = np.column_stack([a, rate]), np.column_stack([b, rate])
-    start = built.init([0.0, 0.0], FIRST_DELAY)
+    start = built.init([0.0, 0.0], delay=FIRST_DELAY)
     whole = run_on_halves(built, y, u, state=start, y_before=y_before, u_before=u_before)
     assert 0.05 < whole["switched_off"][1:].mean() < 0.4
     state, found = stepped(built, start, y, u, y_before, u_before)
@@ -72,7 +72,7 @@ def test_too_large_step_diverges_and_reports_the_time() -> None:
     assert np.isfinite(together(run)).all()
     assert run.state.count == 0, "the state that the run started from"
     (y, u), built = record("sine", step, 20.0), observer(case, step)
-    last, start = 2 * len(run) - 1, built.init([0.0, 0.0], FIRST_DELAY)
+    last, start = 2 * len(run) - 1, built.init([0.0, 0.0], delay=FIRST_DELAY)
     before = run_on_halves(built, y[:last], u[:last], state=start)
     assert before.diverged_at is None
     with pytest.raises(DivergenceError, match=f"finite up to t = {run.diverged_at:g} s and not"):
@@ -94,7 +94,7 @@ def test_threshold_that_is_never_exceeded_warns(switched: str) -> None:
         # Single steps do not warn, as any of them may be switched off.
         y, u = record("sine", 0.01, 1.0)
         built = observer(Case("sine", 2.5, 2, 5.0, switched), 0.01)
-        state, found = stepped(built, built.init([0.0, 0.0], FIRST_DELAY), y, u)
+        state, found = stepped(built, built.init([0.0, 0.0], delay=FIRST_DELAY), y, u)
     assert np.array_equal(rows_of(found, "switched_off"), [0.0, *np.ones(100)])
     with pytest.warns(SwitchedOffWarning, match=sentence) as reported:
         built.run(y[1:], u[1:], state=state)
@@ -169,7 +169,7 @@ def test_bounds_stay_when_the_list_that_gave_them_changes() -> None:
     ],
 )
 def test_invalid_initial_states_are_refused(estimate: Any, delay: Any, sentence: str) -> None:
-    refused(lambda: ExtendedHighGainObserver(**GOOD).init(estimate, delay), sentence)
+    refused(lambda: ExtendedHighGainObserver(**GOOD).init(estimate, delay=delay), sentence)
 
 
 Y, U = np.zeros(5), np.ones((5, 3))
@@ -186,7 +186,7 @@ BAD_RECORDS: list[Any] = [
 def test_invalid_records_are_refused(changed: dict[str, Any], sentence: str) -> None:
     built = ExtendedHighGainObserver(**GOOD)
     rows: dict[str, Any] = {"y": Y, "u": U, **changed}
-    refused(lambda: built.run(**rows, state=built.init([0, 0], FIRST_DELAY)), sentence)
+    refused(lambda: built.run(**rows, state=built.init([0, 0], delay=FIRST_DELAY)), sentence)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_invalid_records_are_refused(changed: dict[str, Any], sentence: str) -> 
 )
 def test_invalid_single_samples_are_refused(row: tuple[Any, Any], sentence: str) -> None:
     built = ExtendedHighGainObserver(**GOOD)
-    refused(lambda: built.step(built.init([0, 0], FIRST_DELAY), *row), sentence)
+    refused(lambda: built.step(built.init([0, 0], delay=FIRST_DELAY), *row), sentence)
 
 
 def test_state_of_another_observer_is_refused() -> None:
@@ -208,4 +208,4 @@ def test_state_of_another_observer_is_refused() -> None:
     )
     problem = "state: must be of an observer of 2 states and the order 2"
     refused(lambda: built.run(Y, U, state=ExtendedHighGainState(np.zeros(2), np.zeros(3))), problem)
-    refused(lambda: built.run(Y, U, state=other.init([0, 0], FIRST_DELAY)), problem)
+    refused(lambda: built.run(Y, U, state=other.init([0, 0], delay=FIRST_DELAY)), problem)

@@ -67,7 +67,7 @@ def test_sampling_is_exact_for_known_intersample_behaviour(known: str, gains: Ga
     system, period, samples = SYSTEM, 0.25, record(known, rows=12)
     C, Eo = system.C_tilde, np.eye(6) + gains.Ld @ system.C_tilde
     start, filtered = np.linspace(-1, 1, 6), np.array([0.3, -0.2])
-    observer = ExtendedStateObserver(system, gains, sampling_period=period)
+    observer = ExtendedStateObserver(system, gains=gains, sampling_period=period)
     run = observer.run(**samples, state=observer.init(start, filtered))
     z = np.concatenate([filtered, Eo @ start - gains.Ld @ filtered])
     for k in range(12):
@@ -104,7 +104,7 @@ def test_constant_faults_are_estimated_exactly(gains: Gains) -> None:
     fault, sensor = 0.3, -0.2
     x = np.linalg.solve(-SYSTEM.A, [0.0, 2 * (1.0 + fault)])
     y, u = np.tile(x + np.array([sensor, 0.0]), (1000, 1)), np.ones((1000, 1))
-    run = ExtendedStateObserver(SYSTEM, gains, sampling_period=0.02).run(y, u)
+    run = ExtendedStateObserver(SYSTEM, gains=gains, sampling_period=0.02).run(y, u)
     assert stacked(run)[-1] == pytest.approx([*x, fault, sensor], abs=1e-12)
 
 
@@ -116,14 +116,14 @@ def test_printed_sign_inverts_the_sensor_fault() -> None:
     run, other = (
         observer.run(**record("samples"), state=observer.init())
         for observer in (
-            ExtendedStateObserver(SYSTEM, PD_PI, sampling_period=0.01),
-            ExtendedStateObserver(printed, turned, sampling_period=0.01),
+            ExtendedStateObserver(SYSTEM, gains=PD_PI, sampling_period=0.01),
+            ExtendedStateObserver(printed, gains=turned, sampling_period=0.01),
         )
     )
     assert other["sensor_fault"] == pytest.approx(-run["sensor_fault"], rel=1e-11, abs=1e-12)
     assert other["actuator_fault"] == pytest.approx(run["actuator_fault"], rel=1e-11, abs=1e-12)
     with pytest.raises(InputError, match=r"^L: and Ld give no stable observer"):
-        ExtendedStateObserver(printed, PD_PI, sampling_period=0.01)
+        ExtendedStateObserver(printed, gains=PD_PI, sampling_period=0.01)
 
 
 def _matrices() -> dict[str, Array]:
@@ -135,7 +135,7 @@ def test_many_states_use_the_same_arithmetic() -> None:
     weight = np.eye(system.size)
     P = solve_continuous_are(system.A_tilde.T, system.C_tilde.T, weight, 0.1 * np.eye(2))
     gains = Gains(10 * P @ system.C_tilde.T, np.zeros((system.size, 2)))
-    observer = ExtendedStateObserver(system, gains, sampling_period=0.05)
+    observer = ExtendedStateObserver(system, gains=gains, sampling_period=0.05)
     samples = record("samples", rows=40)
     y, u = samples["y"], samples["u"]
     # Held, by left limits, as in scipy's sampling.
@@ -159,10 +159,10 @@ def test_filter_scales_with_its_rates() -> None:
     weight, noise = np.eye(6), np.eye(2)
     P = solve_continuous_are(system.A_tilde.T, system.C_tilde.T, weight, noise)
     gains = Gains(P @ system.C_tilde.T, PD_PI.Ld)
-    observer = ExtendedStateObserver(system, gains, sampling_period=0.1)
+    observer = ExtendedStateObserver(system, gains=gains, sampling_period=0.1)
     x = np.linalg.solve(-SYSTEM.A, [0.0, 2 * 1.3])
     y = x + np.array([0.4, 0.0])
-    start = observer.init([*x, *y, 0.3, 0.4], y)
+    start = observer.init([*x, *y, 0.3, 0.4], filtered=y)
     run = observer.run(np.tile(y, (50, 1)), np.ones((50, 1)), state=start)
     assert np.abs(stacked(run) - [*x, 0.3, 0.4]).max() < 1e-12
 
@@ -171,7 +171,7 @@ def test_filter_scales_with_its_rates() -> None:
 
 
 def test_estimate_does_not_depend_on_later_samples() -> None:
-    observer = ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01)
+    observer = ExtendedStateObserver(SYSTEM, gains=PI, sampling_period=0.01)
     # y of a row enters the estimate of that row, u that of the next one.
     for name, first in (("y", 5), ("u", 6)):
         one, other = record("samples", rows=9), record("samples", rows=9)
@@ -184,7 +184,7 @@ def test_estimate_does_not_depend_on_later_samples() -> None:
 def test_midpoints_of_linear_and_held_inputs_change_nothing() -> None:
     samples = record("samples")
     y, u = samples["y"], samples["u"]
-    observer = ExtendedStateObserver(SYSTEM, PD_PI, sampling_period=0.02)
+    observer = ExtendedStateObserver(SYSTEM, gains=PD_PI, sampling_period=0.02)
     last = np.vstack([y[:1], y[:-1]]), np.vstack([u[:1], u[:-1]])
     reported = observer.run(y, u, before=(y, last[1]), middle=(0.5 * (y + last[0]), last[1]))
     assert stacked(reported) == pytest.approx(stacked(observer.run(y, u)), rel=1e-11, abs=1e-12)
@@ -196,7 +196,7 @@ def test_midpoints_of_linear_and_held_inputs_change_nothing() -> None:
 def test_unstable_gains_are_refused_with_their_eigenvalues() -> None:
     with pytest.raises(InputError) as caught:
         ExtendedStateObserver(
-            SYSTEM, Gains(np.zeros((6, 2)), np.zeros((6, 2))), sampling_period=0.01
+            SYSTEM, gains=Gains(np.zeros((6, 2)), np.zeros((6, 2))), sampling_period=0.01
         )
     # A~ alone: two uncontrolled faults, the filter and the motor.
     assert caught.value.parameter == "L"
@@ -205,7 +205,7 @@ def test_unstable_gains_are_refused_with_their_eigenvalues() -> None:
 
 def test_poles_equal_the_error_eigenvalues() -> None:
     expected = [-3.4974, -3.9891, -6.0148, -10.9973, -20.0468, -33.9546]
-    found = ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01).poles
+    found = ExtendedStateObserver(SYSTEM, gains=PI, sampling_period=0.01).poles
     assert found == pytest.approx(np.array(expected), abs=5e-5)
 
 
@@ -213,7 +213,7 @@ def test_singular_mass_matrix_is_refused() -> None:
     Ld = PD_PI.Ld.copy()
     Ld[2:4] = -np.eye(2)
     with pytest.raises(InputError, match=r"^Ld: makes Eo = I \+ Ld C~ singular: .* down to 0"):
-        ExtendedStateObserver(SYSTEM, Gains(PD_PI.L, Ld), sampling_period=0.01)
+        ExtendedStateObserver(SYSTEM, gains=Gains(PD_PI.L, Ld), sampling_period=0.01)
 
 
 @pytest.mark.parametrize(
@@ -237,7 +237,7 @@ Y, U = np.zeros((4, 2)), np.zeros((4, 1))
 def test_state_of_another_observer_is_refused() -> None:
     state = EsoState(np.zeros(2), np.zeros(5))
     with pytest.raises(InputError, match=r"^state: must be of an observer of size 6"):
-        ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01).run(
+        ExtendedStateObserver(SYSTEM, gains=PI, sampling_period=0.01).run(
             np.zeros((4, 2)), np.zeros((4, 1)), state=state
         )
 
@@ -251,4 +251,4 @@ def test_state_of_another_observer_is_refused() -> None:
 )
 def test_invalid_states_are_refused(arguments: dict[str, Any], problem: str) -> None:
     with pytest.raises(InputError, match=f"^{problem}"):
-        ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01).init(**arguments)
+        ExtendedStateObserver(SYSTEM, gains=PI, sampling_period=0.01).init(**arguments)

@@ -21,7 +21,8 @@ DRIFT, JUMP = np.array([0.02, 0.01]), np.array([4.0, 2.0])
 
 def bank(**options: object) -> FaultBank:
     return FaultBank(
-        PLANT, E, DRIFT, JUMP, jump_rate=0.2, jump_time=0.3, output_fault_matrix=F,
+        PLANT, fault_matrix=E, drift=DRIFT, jump=JUMP, jump_rate=0.2, jump_time=0.3,
+        output_fault_matrix=F,
         fault_names=["push", "bias"], **options,
     )  # fmt: skip
 
@@ -41,7 +42,7 @@ def by_hand() -> IMM:
         Q[:2, :2], Q[2:, 2:] = PLANT.Q, noise
         C = np.hstack([PLANT.C, F, np.zeros((2, 2))])
         B = np.vstack([PLANT.B, np.zeros((4, 1))])
-        models.append(LinearModel(A, B, C, None, Q, PLANT.R, sampling_period=T, check=False))
+        models.append(LinearModel(A, B, C, None, Q=Q, R=PLANT.R, sampling_period=T, check=False))
     leave, back = 1 - np.exp(-0.2 * T), 1 - np.exp(-T / 0.3)
     chain = [[1 - leave, leave / 2, leave / 2], [back, 1 - back, 0], [back, 0, 1 - back]]
     return IMM([KalmanFilter(one) for one in models], chain)
@@ -62,8 +63,12 @@ def test_bank_is_the_interacting_multiple_model_of_its_definition() -> None:
     y, u, _ = record()
     ours, other = bank(), by_hand()
     P = np.diag([1e-2, 1e-2, 0.5, 0.5, 1e-4, 1e-4])
-    run = ours.run(y, u, state=ours.init([0, 0], 1e-2, [0.1, 0.0], 0.5, 1e-4))
-    expected = other.run(y, u, state=other.init([0, 0, 0.1, 0, 0, 0], P, [1, 0, 0]))
+    run = ours.run(
+        y,
+        u,
+        state=ours.init([0, 0], 1e-2, fault=[0.1, 0.0], fault_covariance=0.5, rate_covariance=1e-4),
+    )
+    expected = other.run(y, u, state=other.init([0, 0, 0.1, 0, 0, 0], P, probabilities=[1, 0, 0]))
     whole = np.hstack([run["state"], run["fault"], run["fault_rate"]])
     np.testing.assert_allclose(whole, expected["state"], rtol=1e-8, atol=1e-10)
     variances = np.hstack([run["variance"], run["fault_variance"], run["fault_rate_variance"]])
@@ -72,7 +77,7 @@ def test_bank_is_the_interacting_multiple_model_of_its_definition() -> None:
     np.testing.assert_allclose(run["probability"], expected["probability"], rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(run["log_likelihood"], expected["log_likelihood"], atol=1e-8)
     assert run["fault_push"].shape == run["state_rate"].shape == (400,)
-    state = ours.init([0, 0], 1e-2, [0.1, 0.0], 0.5, 1e-4)
+    state = ours.init([0, 0], 1e-2, fault=[0.1, 0.0], fault_covariance=0.5, rate_covariance=1e-4)
     for k in range(30):
         state, estimate = ours.step(state, y[k], u[k])
         for name in run:
@@ -88,8 +93,10 @@ def test_jump_is_followed_at_once_and_a_drift_without_noise() -> None:
     assert run["probability"][200:206, 1].max() > 0.5
     best = np.inf
     for walk in np.geomspace(1e-6, 1e-1, 26):  # one random walk for jump and drift
-        one = AugmentedKalmanFilter(PLANT, E, [walk, 1e-5], F)
-        other = one.run(y, u, state=one.init([0, 0], 1e-2, None, 1e-6))
+        one = AugmentedKalmanFilter(
+            PLANT, fault_matrix=E, random_walk=[walk, 1e-5], output_fault_matrix=F
+        )
+        other = one.run(y, u, state=one.init([0, 0], 1e-2, fault_covariance=1e-6))
         off = other["unknown_input"] - fault
         best = min(best, float(np.sqrt((off[:, 0] ** 2).mean())))
     assert np.sqrt((error[:, 0] ** 2).mean()) < best
@@ -100,7 +107,15 @@ def test_estimates_do_not_depend_on_the_unit_of_a_fault() -> None:
     y, u, _ = record()
     found = []
     for scale in (1.0, 1e-3):
-        one = FaultBank(PLANT, E / scale, DRIFT * scale, JUMP * scale, 0.2, 0.3, F / scale)
+        one = FaultBank(
+            PLANT,
+            fault_matrix=E / scale,
+            drift=DRIFT * scale,
+            jump=JUMP * scale,
+            jump_rate=0.2,
+            jump_time=0.3,
+            output_fault_matrix=F / scale,
+        )
         found.append(one.run(y, u, state=one.init([0, 0], 1e-2)))
         np.testing.assert_allclose(
             found[-1]["fault"] / scale, found[0]["fault"], rtol=1e-6, atol=1e-9
@@ -110,7 +125,14 @@ def test_estimates_do_not_depend_on_the_unit_of_a_fault() -> None:
 
 def test_faults_that_do_the_same_and_wrong_numbers_are_refused() -> None:
     with pytest.raises(InputError, match="leaves a mode of state, faults and their rates"):
-        FaultBank(PLANT, [[0, 0], [T, 2 * T]], 0.1, 1.0, 0.1, 0.1)
+        FaultBank(
+            PLANT,
+            fault_matrix=[[0, 0], [T, 2 * T]],
+            drift=0.1,
+            jump=1.0,
+            jump_rate=0.1,
+            jump_time=0.1,
+        )
     for change, message in (
         ({"drift": 0.0}, "drift: 0 must be"),
         ({"jump": [1.0, 2.0]}, "jump"),
@@ -124,4 +146,4 @@ def test_faults_that_do_the_same_and_wrong_numbers_are_refused() -> None:
         with pytest.raises(InputError, match=message):
             FaultBank(PLANT, **given)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="fault_covariance"):
-        bank().init([0, 0], 1.0, None, [1.0, 1.0, 1.0])
+        bank().init([0, 0], 1.0, fault_covariance=[1.0, 1.0, 1.0])

@@ -22,13 +22,17 @@ B = [[0.1, 0.0], [0.0, 0.5], [0.2, 0.3]]
 C = [[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]]
 D = [[0.7, -1.2], [0.0, 2.0]]
 START = [1.0, -2.0, 0.5]
-MODEL = LinearModel(A, B, C, D, 0.01, 0.1, sampling_period=PERIOD)
+MODEL = LinearModel(A, B, C, D, Q=0.01, R=0.1, sampling_period=PERIOD)
 
 FILTERS: dict[str, Callable[[LinearModel], Any]] = {
     "Kalman filter": KalmanFilter,
     "fixed gain": steady_kalman,
-    "SVSF": lambda model: SmoothVariableStructureFilter(model, 0.1, 0.1),
-    "augmented Kalman filter": lambda model: AugmentedKalmanFilter(model, np.ones((3, 1)), 1e-4),
+    "SVSF": lambda model: SmoothVariableStructureFilter(
+        model, boundary_layer=0.1, convergence_rate=0.1
+    ),
+    "augmented Kalman filter": lambda model: AugmentedKalmanFilter(
+        model, fault_matrix=np.ones((3, 1)), random_walk=1e-4
+    ),
     "IMM": lambda model: IMM([KalmanFilter(model)], [[1.0]]),
 }
 

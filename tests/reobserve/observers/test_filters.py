@@ -45,7 +45,7 @@ NOISE = np.array([0.01, 0.5, 20.0])
 
 
 def svsf(model: LinearModel, psi: Any = PSI, gamma: float = GAMMA) -> Any:
-    return SmoothVariableStructureFilter(model, psi, gamma)
+    return SmoothVariableStructureFilter(model, boundary_layer=psi, convergence_rate=gamma)
 
 
 def motion_record(rows: int) -> tuple[Array, Array]:
@@ -322,7 +322,9 @@ def test_correction_stays_in_the_row_space_of_the_measurement_matrix() -> None:
 
 def test_weighted_inverse_does_not_depend_on_coordinates() -> None:
     def weighted(model: LinearModel) -> SmoothVariableStructureFilter:
-        return SmoothVariableStructureFilter(model, PSI[1:], GAMMA, "weighted")
+        return SmoothVariableStructureFilter(
+            model, boundary_layer=PSI[1:], convergence_rate=GAMMA, inverse="weighted"
+        )
 
     A, B, H, D, Q, R = MOTION.arrays
     turn = np.eye(5) + 0.2 * np.cos(np.arange(25.0)).reshape(5, 5)
@@ -339,7 +341,9 @@ def test_weighted_inverse_does_not_depend_on_coordinates() -> None:
     np.testing.assert_allclose(other["state"] @ back.T, found["state"], rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(other["log_likelihood"], found["log_likelihood"], rtol=1e-6)
     # With a thin layer and gamma = 0, no output error remains.
-    thin = SmoothVariableStructureFilter(plain, 1e-9, 0.0, "weighted")
+    thin = SmoothVariableStructureFilter(
+        plain, boundary_layer=1e-9, convergence_rate=0.0, inverse="weighted"
+    )
     posterior = thin.predict(thin.init(np.zeros(5), 1.0).posterior, [1.0])
     reported = thin.correct(posterior, [3.0, 4.0], [1.0])
     np.testing.assert_allclose(reported.posterior.error, 0.0, atol=1e-10)
@@ -352,7 +356,7 @@ def test_weighted_inverse_does_not_depend_on_coordinates() -> None:
 
 def test_unknown_inverse_is_refused() -> None:
     with pytest.raises(InputError, match="inverse: 'left' must be one of pseudo, weighted"):
-        SmoothVariableStructureFilter(ONE, 1.0, 0.1, "left")
+        SmoothVariableStructureFilter(ONE, boundary_layer=1.0, convergence_rate=0.1, inverse="left")
 
 
 def test_gain_is_continuous_at_the_edge_of_the_layer() -> None:

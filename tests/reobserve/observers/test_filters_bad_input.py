@@ -195,10 +195,10 @@ def test_svsf_with_dependent_outputs_is_refused() -> None:
     twice = LinearModel(**{**MODEL, "C": [[1.0, 2.0], [2.0, 4.0]]})
     said = r"^model: C has 2 rows but rank 1: no gain corrects all outputs at once$"
     with pytest.raises(InputError, match=said):
-        SmoothVariableStructureFilter(twice, 1.0, 0.1)
+        SmoothVariableStructureFilter(twice, boundary_layer=1.0, convergence_rate=0.1)
     more = LinearModel(**{**MODEL, "C": [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]})
     with pytest.raises(InputError, match=r"^model: C has 3 rows but rank 2: "):
-        SmoothVariableStructureFilter(more, 1.0, 0.1)
+        SmoothVariableStructureFilter(more, boundary_layer=1.0, convergence_rate=0.1)
 
 
 @pytest.mark.parametrize(

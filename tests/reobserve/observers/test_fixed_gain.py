@@ -38,7 +38,7 @@ def test_step_is_a_prediction_and_a_correction() -> None:
     z = simulated(motion_model("leakage"), u) + ripple(80, 3)
     A, B, C, D, Q, R = MOTION.arrays
     K = steady_kalman(MOTION).gain
-    run = run_over(FixedGainObserver(MOTION, K), z, u, np.zeros(5), 1.0)
+    run = run_over(FixedGainObserver(MOTION, gain=K), z, u, np.zeros(5), 1.0)
     x, P, M = np.zeros(5), np.eye(5), np.eye(5) - K @ C
     means, variances = [], []
     for measurement, control, now in zip(z, u, from_rows_on(u), strict=True):
@@ -113,7 +113,7 @@ def test_estimates_do_not_depend_on_the_covariance() -> None:
 )
 def test_invalid_gains_are_refused(gain: Any, said: str) -> None:
     with pytest.raises(InputError, match=f"^{said}"):
-        FixedGainObserver(NORMAL, gain)
+        FixedGainObserver(NORMAL, gain=gain)
 
 
 def test_unobservable_or_invalid_model_is_refused() -> None:
@@ -123,7 +123,7 @@ def test_unobservable_or_invalid_model_is_refused() -> None:
     with pytest.raises(InputError, match=r"^poles: 1.5 is not inside the unit circle"):
         luenberger(NORMAL, [0.1, 0.2, 0.3, 1.5])
     with pytest.raises(InputError, match=r"^gain: gives no stable observer"):
-        FixedGainObserver(NORMAL, 10.0 * luenberger(NORMAL, POLES).gain)
+        FixedGainObserver(NORMAL, gain=10.0 * luenberger(NORMAL, POLES).gain)
     for build in (steady_kalman, lambda model: luenberger(model, POLES)):
         with pytest.raises(InputError, match=r"^model: 3 must be of type LinearModel"):
             build(3)  # type: ignore[arg-type]

@@ -32,7 +32,9 @@ CROSS = "state_unknown_input_covariance"
 def test_rows_are_those_of_a_record_that_ends_so_much_later(kind: str, lag: int) -> None:
     observer = {
         "linear": lambda: KalmanFilter(MODEL),
-        "augmented": lambda: AugmentedKalmanFilter(MODEL, [[0.0], [0.1]], 1e-3),
+        "augmented": lambda: AugmentedKalmanFilter(
+            MODEL, fault_matrix=[[0.0], [0.1]], random_walk=1e-3
+        ),
         "extended": lambda: ExtendedKalmanFilter(TEXT),
         "unscented": lambda: UnscentedKalmanFilter(TEXT),
     }[kind]()

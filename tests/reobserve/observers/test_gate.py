@@ -115,7 +115,9 @@ def test_steps_and_many_records_give_what_a_run_gives() -> None:
 CROSS = [[1e-5, 0.0], [0.0, 1e-5]]
 WITH_S: dict[str, Callable[..., Any]] = {
     "kalman": lambda **rules: KalmanFilter(MODEL, **rules),
-    "augmented": lambda **rules: AugmentedKalmanFilter(MODEL, [[0], [1]], 1e-6, **rules),
+    "augmented": lambda **rules: AugmentedKalmanFilter(
+        MODEL, fault_matrix=[[0], [1]], random_walk=1e-6, **rules
+    ),
     "bank": lambda **rules: IMM([KalmanFilter(MODEL)] * 2, [[0.9, 0.1], [0.1, 0.9]], **rules),
 }
 GIVEN: dict[str, Callable[..., Any]] = {

@@ -33,7 +33,7 @@ def record(rate: float = 1.3, rows: int = 150) -> tuple[np.ndarray, np.ndarray]:
 def test_constant_parameter_has_the_posterior_of_bayes() -> None:
     y, u = record()
     rates = np.linspace(0.5, 2.0, 31)
-    grid = GridFilter.of_parameter(plant, rates)
+    grid = GridFilter.of_parameter(plant, grid=rates)
     run = grid.run(y, u, state=grid.init([0, 0], 0.01))
     logs = []
     for rate in rates:
@@ -94,7 +94,7 @@ def test_chain_with_rates_moves_values_by_them() -> None:
 
 def test_mode_far_off_has_finite_likelihoods() -> None:
     y, u = record()
-    still = GridFilter.of_parameter(plant, np.linspace(0.5, 2.0, 31))
+    still = GridFilter.of_parameter(plant, grid=np.linspace(0.5, 2.0, 31))
     far = replace(still.init([0, 0], 0.01), log_probabilities=np.append(np.full(30, -2000.0), 0.0))
     found = still.run(y[:2], u[:2], state=far)
     assert found["probability"][1].argmax() == 30
@@ -115,7 +115,14 @@ def test_rates_follow_a_ramp_with_a_third_of_the_lag() -> None:
 
     errors = []
     for walk, rates in ((0.02, [0.0]), (0.002, [-0.025, 0.0, 0.025])):
-        grid = GridFilter.of_parameter(make, np.linspace(0, 2.5, 51), walk, 0.0, rates, 0.01)
+        grid = GridFilter.of_parameter(
+            make,
+            grid=np.linspace(0, 2.5, 51),
+            random_walk=walk,
+            jump_rate=0.0,
+            rates=rates,
+            switch_rate=0.01,
+        )
         run = grid.run(y, u, state=grid.init([0], 1e-4))
         errors.append((run["parameter"] - gain)[200:])
     behind, followed = errors
@@ -127,7 +134,7 @@ def test_rates_follow_a_ramp_with_a_third_of_the_lag() -> None:
 def test_delay_of_whole_periods_is_a_buffer_of_inputs_in_the_state() -> None:
     y, u = record()
     delays = [0.0, 0.1, 0.3]
-    grid = GridFilter.of_delay(plant(1.3), delays, random_walk=0.2, jump_rate=0.1)
+    grid = GridFilter.of_delay(plant(1.3), delays=delays, random_walk=0.2, jump_rate=0.1)
     start = grid.init([0.1, 0], 0.01)
     run = grid.run(y, u, state=start)
     one, filters = plant(1.3), []
@@ -144,7 +151,7 @@ def test_delay_of_whole_periods_is_a_buffer_of_inputs_in_the_state() -> None:
         Q[:2, :2] = one.Q
         C = np.hstack([one.C, np.zeros((1, 3))])
         filters.append(
-            KalmanFilter(LinearModel(A, B, C, None, Q, one.R, sampling_period=T, check=False))
+            KalmanFilter(LinearModel(A, B, C, None, Q=Q, R=one.R, sampling_period=T, check=False))
         )
     bank = IMM(filters, grid.transition)
     P = np.zeros((5, 5))
@@ -182,7 +189,7 @@ def test_delay_between_samples_is_the_solution_of_the_differential_equation() ->
             )  # fmt: skip
             x = found.y[:, -1]
     y[-1] = x[0]
-    grid = GridFilter.of_delay(plant(1.0), [0.1, late, 0.4])
+    grid = GridFilter.of_delay(plant(1.0), delays=[0.1, late, 0.4])
     run = grid.run(y, u, state=grid.init([0, 0], 1e-8))
     assert np.abs(run["innovation"][:, 1]).max() < 1e-9
     assert run["parameter"][-1] == pytest.approx(late, abs=1e-6)
@@ -191,35 +198,44 @@ def test_delay_between_samples_is_the_solution_of_the_differential_equation() ->
 def test_grids_and_models_that_cannot_be_used_are_refused() -> None:
     discrete = LinearModel([[0.9]], [[1]], [[1]], Q=1e-4, R=1e-2, sampling_period=T)
     for call, message in (
-        (lambda: GridFilter.of_parameter(plant, [1.0]), "grid: .* must be two numbers or more"),
-        (lambda: GridFilter.of_parameter(plant, [1.0, 0.5]), "rising"),
-        (lambda: GridFilter.of_parameter(plant, [1, 2], -1.0), "random_walk: -1 must be 0 or more"),
-        (lambda: GridFilter.of_parameter(lambda v: v, [1, 2]), r"make\(1\)"),  # type: ignore[arg-type, return-value]
-        (lambda: GridFilter.of_parameter(plant, [1, 2], rates=[]), "rates: .* one number or more"),
-        (lambda: GridFilter.of_parameter(plant, [1, 2], rates=[1, 0]), "rates: .* rising"),
         (
-            lambda: GridFilter.of_parameter(plant, [1, 2], rates=[0, 1], switch_rate=-1.0),
+            lambda: GridFilter.of_parameter(plant, grid=[1.0]),
+            "grid: .* must be two numbers or more",
+        ),
+        (lambda: GridFilter.of_parameter(plant, grid=[1.0, 0.5]), "rising"),
+        (
+            lambda: GridFilter.of_parameter(plant, grid=[1, 2], random_walk=-1.0),
+            "random_walk: -1 must be 0 or more",
+        ),
+        (lambda: GridFilter.of_parameter(lambda v: v, grid=[1, 2]), r"make\(1\)"),  # type: ignore[arg-type, return-value]
+        (
+            lambda: GridFilter.of_parameter(plant, grid=[1, 2], rates=[]),
+            "rates: .* one number or more",
+        ),
+        (lambda: GridFilter.of_parameter(plant, grid=[1, 2], rates=[1, 0]), "rates: .* rising"),
+        (
+            lambda: GridFilter.of_parameter(plant, grid=[1, 2], rates=[0, 1], switch_rate=-1.0),
             "switch_rate: -1 must be 0 or more",
         ),
-        (lambda: GridFilter.of_delay(discrete, [0.0, 0.15]), "0.15 s is no whole number of"),
-        (lambda: GridFilter.of_delay(discrete, [-0.1, 0.1]), "-0.1, 0.1. must be from 0 s"),
+        (lambda: GridFilter.of_delay(discrete, delays=[0.0, 0.15]), "0.15 s is no whole number of"),
+        (lambda: GridFilter.of_delay(discrete, delays=[-0.1, 0.1]), "-0.1, 0.1. must be from 0 s"),
         (
-            lambda: GridFilter.of_delay(discrete, [0.0, 1e9]),
+            lambda: GridFilter.of_delay(discrete, delays=[0.0, 1e9]),
             "delays: .* must be from 0 s to 10000 s",
         ),
-        (lambda: GridFilter.of_parameter(5, [1, 2]), "make: 5 must be a function"),  # type: ignore[arg-type]
+        (lambda: GridFilter.of_parameter(5, grid=[1, 2]), "make: 5 must be a function"),  # type: ignore[arg-type]
         (
-            lambda: GridFilter.of_delay(LinearModel([[0.9]], C=[[1]], Q=1, R=1), [0, 1]),
+            lambda: GridFilter.of_delay(LinearModel([[0.9]], C=[[1]], Q=1, R=1), delays=[0, 1]),
             "model: has no input",
         ),
     ):
         with pytest.raises(InputError, match=message):
             call()
-    grid = GridFilter.of_delay(discrete, [0.0, 0.1])
+    grid = GridFilter.of_delay(discrete, delays=[0.0, 0.1])
     for late in ([0], [0, -1], [0.0, 0.5], 3):
         with pytest.raises(InputError, match=r"periods_late: .* must be 2 whole numbers from 0"):
             GridFilter(grid.filters, grid.transition, grid=grid.grid, periods_late=late)  # type: ignore[arg-type]
-    moving = GridFilter.of_parameter(plant, [1.0, 2.0], 0.1)
+    moving = GridFilter.of_parameter(plant, grid=[1.0, 2.0], random_walk=0.1)
     with pytest.raises(InputError, match="must go on by the sampling period"):
         moving.run([0.0, 0.0], [0, 0], state=moving.init([0, 0], 1.0), time=[0.0, 0.5])
     after = grid.run([0.0, 1.0], [0.0, 0.0], state=grid.init([0], 1.0)).state

@@ -251,7 +251,7 @@ def test_order_is_four_also_at_jumps_of_the_record(n: int) -> None:
         late, late_before = time > jump - 1e-9, time > jump + 1e-9
         right = [np.where(late, f(time, True), f(time, False)) for f in (y_of, u_of)]
         left = [np.where(late_before, f(time, True), f(time, False)) for f in (y_of, u_of)]
-        observer = HighGainObserver(MODELS[n], rho, sampling_period=step)
+        observer = HighGainObserver(MODELS[n], rho=rho, sampling_period=step)
         begun = observer.init(start)
         run = run_on_halves(
             observer, right[0], right[1], state=begun, y_before=left[0], u_before=left[1]
@@ -269,7 +269,9 @@ def test_order_is_four_also_at_jumps_of_the_record(n: int) -> None:
 def test_error_of_an_integrator_chain_follows_its_matrix(n: int) -> None:
     # x_n' = 6 t - 3, the states above are its integrals; the observer is given the true delay.
     rho, step, end = 2.0, 0.005, 3.0
-    observer = HighGainObserver(model(n, no_drift, constant_gain, 1.0), rho, sampling_period=step)
+    observer = HighGainObserver(
+        model(n, no_drift, constant_gain, 1.0), rho=rho, sampling_period=step
+    )
     time = np.arange(round(2 * end / step) + 1) * step / 2
     last = np.polynomial.Polynomial([1.0, -3.0, 3.0])
     truth = np.stack([last.integ(n - 1 - i)(time) for i in range(n)], axis=1)
@@ -287,7 +289,9 @@ def test_wrong_delay_on_a_ramp_leaves_the_predicted_error(n: int) -> None:
     # The error obeys e' = (A - S^-1 C^T C) e + (0, .., 0, slope (tau - tau_m)): at rest the i-th
     # entry is binom(n, i-1) / rho^(n+1-i) times that.
     rho, step, slope, delay, assumed = 5.0, 0.0025, 0.9, 0.6, 0.8
-    observer = HighGainObserver(model(n, no_drift, constant_gain, 1.0), rho, sampling_period=step)
+    observer = HighGainObserver(
+        model(n, no_drift, constant_gain, 1.0), rho=rho, sampling_period=step
+    )
     time = np.arange(8001) * step / 2
     last = np.polynomial.Polynomial([0.0, -slope * delay, slope / 2])
     truth = np.stack([last.integ(n - 1 - i)(time) for i in range(n)], axis=1)
@@ -306,7 +310,7 @@ def test_steps_below_the_limit_stay_stable() -> None:
     sizes = []
     for product in (2.7, 2.85):
         observer = HighGainObserver(
-            model(2, no_drift, constant_gain, 1.0), 10.0, sampling_period=product / 10
+            model(2, no_drift, constant_gain, 1.0), rho=10.0, sampling_period=product / 10
         )
         run = observer.run(record, record, state=observer.init([1.0, 0.0]))
         sizes.append(np.abs(run["state"][-1]))
@@ -332,7 +336,7 @@ def test_wrong_parameters_of_the_observer_are_refused(changed: dict[str, Any], s
 
 def test_observer_can_be_pickled_if_its_functions_are_importable() -> None:
     observer, y = (
-        HighGainObserver(pendulum(), 5.0, sampling_period=0.01),
+        HighGainObserver(pendulum(), rho=5.0, sampling_period=0.01),
         np.linspace(0, 1, 9),
     )
     again = pickle.loads(pickle.dumps(observer))
@@ -340,11 +344,11 @@ def test_observer_can_be_pickled_if_its_functions_are_importable() -> None:
     assert np.array_equal(again.run(y, y, state=start)["state"],
                           observer.run(y, y, state=start)["state"])  # fmt: skip
     with pytest.raises(pickle.PicklingError, match="field pendulum_drift stands nowhere"):
-        pickle.dumps(HighGainObserver(MODELS[2], 5.0, sampling_period=0.01))
+        pickle.dumps(HighGainObserver(MODELS[2], rho=5.0, sampling_period=0.01))
 
 
 def test_wrong_states_are_refused() -> None:
-    observer = HighGainObserver(MODELS[2], 5.0, sampling_period=0.01)
+    observer = HighGainObserver(MODELS[2], rho=5.0, sampling_period=0.01)
     with pytest.raises(InputError, match=r"^state: has shape \(3,\)"):
         observer.init([0.0, 0.0, 0.0])
     with pytest.raises(InputError, match=r"^state: must be of an observer of 2 states$"):

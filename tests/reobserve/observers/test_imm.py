@@ -51,7 +51,10 @@ def kalmans(models: Sequence[LinearModel]) -> list[KalmanFilter]:
 
 
 def svsfs(models: Sequence[LinearModel], psi: Any = PSI) -> list[SmoothVariableStructureFilter]:
-    return [SmoothVariableStructureFilter(model, psi, GAMMA) for model in models]
+    return [
+        SmoothVariableStructureFilter(model, boundary_layer=psi, convergence_rate=GAMMA)
+        for model in models
+    ]
 
 
 def velocity_record(rows: int, switch: int, noise: float = 0.01) -> tuple[Array, Array]:
@@ -223,8 +226,8 @@ def test_unreachable_mode_stays_at_zero_and_changes_no_bit() -> None:
     three = IMM(kalmans(VELOCITY), closed)
     two = IMM(kalmans(VELOCITY[:2]), closed[:2, :2])
     runs = [
-        three.run(z, u, state=three.init(np.zeros(4), 1.0, [0.5, 0.5, 0.0])),
-        two.run(z, u, state=two.init(np.zeros(4), 1.0, [0.5, 0.5])),
+        three.run(z, u, state=three.init(np.zeros(4), 1.0, probabilities=[0.5, 0.5, 0.0])),
+        two.run(z, u, state=two.init(np.zeros(4), 1.0, probabilities=[0.5, 0.5])),
     ]
     assert not runs[0]["probability"][:, 2].any()
     assert np.array_equal(runs[0]["probability"][:, :2], runs[1]["probability"])
@@ -251,7 +254,7 @@ def bank_of(kind: str, *, mixing: bool = True) -> IMM:
     filters: list[GaussianFilter] = [*(kalmans(MOTION) if kind != "SVSF" else svsfs(MOTION))]
     if kind == "mixed":
         filters[1] = svsfs(MOTION)[1]
-    return IMM(filters, STICKY, mixing)
+    return IMM(filters, STICKY, mixing=mixing)
 
 
 @pytest.mark.nightly_cases("mixed-mixing", "SVSF-mixing")
@@ -286,7 +289,7 @@ def test_bank_of_one_is_bitwise_identical_to_its_filter(
     z[70:75] = np.nan
     one = bank_of(kind).filters[0]
     assert isinstance(one, GaussianFilter)
-    bank = IMM([one], [[1.0]], mixing)
+    bank = IMM([one], [[1.0]], mixing=mixing)
     held = u[0] if before else None
     run = bank.run(z, u, state=bank.init(np.zeros(5), P0, u=held))
     plain = one.run(z, u, state=one.init(np.zeros(5), P0, u=held))
@@ -310,7 +313,7 @@ def test_stepping_and_split_runs_are_bitwise_identical(
     z, u = motion_record(100)
     z[40, 1] = z[41] = np.nan
     bank = bank_of(kind, mixing=mixing)
-    start = bank.init(np.zeros(5), P0, [0.5, 0.3, 0.2], u=u[0] if before else None)
+    start = bank.init(np.zeros(5), P0, probabilities=[0.5, 0.3, 0.2], u=u[0] if before else None)
     run = bank.run(z, u, state=start)
     state, rows = start, []
     for measurement, control in zip(z, u, strict=True):
@@ -333,7 +336,7 @@ def test_first_row_updates_probabilities_without_prediction(kind: str) -> None:
     z, u = motion_record(1)
     bank, mu = bank_of(kind), np.array([0.5, 0.3, 0.2])
     means = np.arange(15.0).reshape(3, 5) / 15
-    run = bank.run(z, u, state=bank.init(means, P0, mu))
+    run = bank.run(z, u, state=bank.init(means, P0, probabilities=mu))
     alone = [
         one.correct(Gaussian(mean, P0, np.zeros(3)), z[0], u[0])
         for one, mean in zip(bank.filters, means, strict=True)
@@ -371,7 +374,7 @@ def test_user_defined_filters_give_the_bits_of_the_compiled_loop(kind: str, mixi
     z, u = motion_record(60)
     z[20:22] = np.nan
     compiled = bank_of(kind, mixing=mixing)
-    called = IMM([UsersOwn(one) for one in compiled.filters], STICKY, mixing)
+    called = IMM([UsersOwn(one) for one in compiled.filters], STICKY, mixing=mixing)
     for held in (None, u[0]):
         start = compiled.init(np.zeros(5), P0, u=held)
         runs = [bank.run(z, u, state=start) for bank in (called, compiled)]
@@ -385,7 +388,7 @@ def test_likely_svsf_in_a_kalman_bank_equals_the_single_filter() -> None:
     smooth = svsfs(MOTION)[1]
     alone = smooth.run(z, u, state=smooth.init(np.zeros(5), P0))
     assert np.array_equal(run["innovation"][:, 1], alone["innovation"])
-    only = bank.init(np.zeros(5), P0, [0.0, 1.0, 0.0])
+    only = bank.init(np.zeros(5), P0, probabilities=[0.0, 1.0, 0.0])
     fixed = IMM(bank.filters, np.eye(3)).run(z, u, state=only)
     assert np.array_equal(fixed["state"], alone["state"])
 
@@ -404,7 +407,7 @@ def in_coordinates(kind: str, transforms: Sequence[Array], *, mixing: bool) -> R
     z, u = velocity_record(200, 100)
     models = [moved(model, T) for model, T in zip(VELOCITY, transforms, strict=True)]
     filters = kalmans(models) if kind == "KF" else svsfs(models, 0.05)
-    bank = IMM(filters, STICKY, mixing)
+    bank = IMM(filters, STICKY, mixing=mixing)
     P = [symmetric(0.1 * T @ T.T) for T in transforms]
     return run_over(bank, z, u, np.zeros(4), np.array(P))
 
@@ -536,10 +539,12 @@ def test_unreachable_mode_keeps_its_own_posterior() -> None:
 
 def test_components_of_augmented_filters_have_the_names_of_both() -> None:
     model = LinearModel(
-        [[0.9, 0.1], [0.0, 0.8]], None, np.eye(2), None, 0.1, 0.1,
+        [[0.9, 0.1], [0.0, 0.8]], None, np.eye(2), None, Q=0.1, R=0.1,
         state_names=["a", "b"], output_names=["c", "d"],
     )  # fmt: skip
-    one = AugmentedKalmanFilter(model, [[1.0], [0.0]], 0.1, unknown_input_names=["force"])
+    one = AugmentedKalmanFilter(
+        model, fault_matrix=[[1.0], [0.0]], random_walk=0.1, unknown_input_names=["force"]
+    )
     bank = IMM([one, one], [[0.9, 0.1], [0.2, 0.8]])
     run = bank.run(np.ones((3, 2)), state=bank.init(np.zeros(3), 1.0))
     assert np.array_equal(run["state_force"], run["state"][:, 2])

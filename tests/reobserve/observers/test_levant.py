@@ -53,7 +53,7 @@ def slopes(x: Any, y: Any) -> Array:
 
 def test_one_step_agrees_with_hand_calculation() -> None:
     # u = 0, z = (8, 3, 5), L = 8, T = 1/2: the injections are 3*2*4 = 24, 1.5 * sqrt(8 * 24), 8.
-    differentiator = LevantDifferentiator(8.0, **PAPER, sampling_period=0.5)
+    differentiator = LevantDifferentiator(L=8.0, **PAPER, sampling_period=0.5)
     run = differentiator.run([0.0, 7.0], state=differentiator.init([8.0, 3.0, 5.0]))
     second = 1.5 * np.sqrt(8 * 24.0)
     expected = [8 + 0.5 * (3 - 24) + 0.125 * 5, 3 + 0.5 * (5 - second), 5 - 0.5 * 8]
@@ -63,7 +63,7 @@ def test_one_step_agrees_with_hand_calculation() -> None:
 
 def test_run_without_a_state_starts_from_the_first_sample() -> None:
     differentiator, samples = (
-        LevantDifferentiator(1.0, sampling_period=0.1),
+        LevantDifferentiator(L=1.0, sampling_period=0.1),
         np.array([3.0, 1.0, 2.0]),
     )
     known = differentiator.run(samples, state=differentiator.init([3.0, 0.0, 0.0]))
@@ -71,7 +71,7 @@ def test_run_without_a_state_starts_from_the_first_sample() -> None:
 
 
 def test_estimate_depends_only_on_earlier_samples() -> None:
-    differentiator = LevantDifferentiator(1.0, sampling_period=0.1)
+    differentiator = LevantDifferentiator(L=1.0, sampling_period=0.1)
     one, other = np.zeros(9), np.zeros(9)
     other[5] = 1.0
     start = zeros(differentiator)
@@ -91,7 +91,7 @@ def test_polynomial_is_tracked_to_the_last_bit(order: int, coefficients: list[fl
     time = np.arange(400) / 64
     polynomial = np.polynomial.Polynomial(coefficients)
     truth = np.stack([polynomial.deriv(i)(time) for i in range(order + 1)], axis=1)
-    differentiator = LevantDifferentiator(4.0, order, sampling_period=1 / 64)
+    differentiator = LevantDifferentiator(L=4.0, order=order, sampling_period=1 / 64)
     assert not errors(differentiator, truth, start=truth[0]).any()
 
 
@@ -105,7 +105,7 @@ def test_polynomials_with_bounded_next_derivative_are_tracked(order: int) -> Non
     top = bound / np.prod(np.arange(1, order + 2))
     polynomial = np.polynomial.Polynomial([*coefficients, top])
     truth = np.stack([polynomial.deriv(i)(time) for i in range(order + 1)], axis=1)
-    found = errors(LevantDifferentiator(bound, order, sampling_period=period), truth)
+    found = errors(LevantDifferentiator(L=bound, order=order, sampling_period=period), truth)
     late = np.abs(found[time > 25]).max(axis=0)
     theory = bound * period ** (order + 1 - np.arange(order + 1))
     assert np.all(late < 30 * theory)
@@ -119,7 +119,7 @@ def test_errors_fall_with_the_period_as_predicted(order: int) -> None:
     for period in periods:
         time = np.arange(0, 30, period)
         found = errors(
-            LevantDifferentiator(bound, order, sampling_period=period), waves(time, order)
+            LevantDifferentiator(L=bound, order=order, sampling_period=period), waves(time, order)
         )
         worst.append(np.abs(found[time > 20]).max(axis=0))
     expected = order + 1 - np.arange(order + 1)
@@ -151,7 +151,7 @@ def test_exact_integration_of_the_chain_is_needed_for_the_order() -> None:
         late = time > 10
         found = plain_euler(truth[:, 0], period) - truth
         plain.append(np.abs(found[late]).max(axis=0))
-        found = errors(LevantDifferentiator(L, **PAPER, sampling_period=period), truth)
+        found = errors(LevantDifferentiator(L=L, **PAPER, sampling_period=period), truth)
         homogeneous.append(np.abs(found[late]).max(axis=0))
     assert slopes(periods, plain) == pytest.approx([3, 1, 1], abs=0.1)
     assert slopes(periods, homogeneous) == pytest.approx([3, 2, 1], abs=0.1)
@@ -165,7 +165,9 @@ def test_convergence_time_does_not_depend_on_the_period(order: int) -> None:
     for period in (2e-3, 1e-3, 5e-4):
         time = np.arange(0, 30, period)
         found = np.abs(
-            errors(LevantDifferentiator(1.5, order, sampling_period=period), waves(time, order))
+            errors(
+                LevantDifferentiator(L=1.5, order=order, sampling_period=period), waves(time, order)
+            )
         )
         level = 2 * found[time > 20].max(axis=0)
         assert np.all(found[0, 1:3] > level[1:3])
@@ -182,8 +184,8 @@ def test_scaling_the_signal_and_its_bound_scales_the_estimate(order: int) -> Non
     period, factor = 1e-3, 37.0
     time = np.arange(0, 20, period)
     truth = waves(time, order)
-    one = LevantDifferentiator(1.5, order, sampling_period=period)
-    other = LevantDifferentiator(factor * 1.5, order, sampling_period=period)
+    one = LevantDifferentiator(L=1.5, order=order, sampling_period=period)
+    other = LevantDifferentiator(L=factor * 1.5, order=order, sampling_period=period)
     run = one.run(truth[:, 0], state=zeros(one))["derivatives"]
     scaled = other.run(factor * truth[:, 0], state=zeros(other))["derivatives"] / factor
     # Equal up to rounding, until it decides a sign in the sliding mode.
@@ -198,8 +200,8 @@ def test_stretching_time_scales_each_derivative_by_its_power(order: int) -> None
     powers = factor ** (order + 1.0 - np.arange(order + 1))
     truth = waves(np.arange(0, 5, period), order)
     noise = np.random.default_rng(4).uniform(-0.1, 0.1, len(truth))
-    one = LevantDifferentiator(1.5, order, sampling_period=period)
-    other = LevantDifferentiator(1.5, order, sampling_period=factor * period)
+    one = LevantDifferentiator(L=1.5, order=order, sampling_period=period)
+    other = LevantDifferentiator(L=1.5, order=order, sampling_period=factor * period)
     run = one.run(truth[:, 0] + noise, state=zeros(one))["derivatives"]
     measured = (truth[:, 0] + noise) * powers[0]
     slow = other.run(measured, state=zeros(other))["derivatives"]
@@ -236,7 +238,10 @@ def test_errors_grow_with_the_noise_as_predicted(order: int, kind: str) -> None:
     for size in sizes:
         noise = noises(kind, size, bound, order, time)
         found = errors(
-            LevantDifferentiator(bound, order, sampling_period=period), truth, noise, truth[0]
+            LevantDifferentiator(L=bound, order=order, sampling_period=period),
+            truth,
+            noise,
+            truth[0],
         )
         worst.append(np.abs(found[time > 8]).max(axis=0))
     share = np.arange(order + 1) / (order + 1)
@@ -257,7 +262,10 @@ def test_noise_errors_grow_with_the_bound_as_predicted(order: int) -> None:
     for bound in bounds:
         noise = noises("sine", size, bound, order, time)
         found = errors(
-            LevantDifferentiator(bound, order, sampling_period=period), truth, noise, truth[0]
+            LevantDifferentiator(L=bound, order=order, sampling_period=period),
+            truth,
+            noise,
+            truth[0],
         )
         worst.append(np.abs(found[time > 8]).max(axis=0))
     assert slopes(bounds, worst) == pytest.approx(np.arange(order + 1) / (order + 1), abs=0.06)
@@ -275,8 +283,8 @@ def test_printed_last_line_fails_and_the_one_with_L_works(period: float) -> None
         np.sqrt(np.mean(values[late] ** 2, axis=0))
         for values in (
             truth,
-            errors(LevantDifferentiator(L, **PAPER, printed=True, sampling_period=period), truth),
-            errors(LevantDifferentiator(L, **PAPER, sampling_period=period), truth),
+            errors(LevantDifferentiator(L=L, **PAPER, printed=True, sampling_period=period), truth),
+            errors(LevantDifferentiator(L=L, **PAPER, sampling_period=period), truth),
         )
     )
     assert signal[1] == pytest.approx(0.2 / np.sqrt(2), rel=0.02)
@@ -292,18 +300,20 @@ def test_printed_form_is_correct_for_a_bound_of_one() -> None:
     samples = np.random.default_rng(1).normal(size=50)
     runs = []
     for printed in (False, True):
-        differentiator = LevantDifferentiator(1.0, **PAPER, printed=printed, sampling_period=0.01)
+        differentiator = LevantDifferentiator(L=1.0, **PAPER, printed=printed, sampling_period=0.01)
         runs.append(differentiator.run(samples, state=zeros(differentiator))["derivatives"])
     assert np.array_equal(*runs)
 
 
 def test_standard_lambdas_are_used() -> None:
-    assert np.array_equal(LevantDifferentiator(1.0, 1, sampling_period=0.1).lambdas, [1.5, 1.1])
-    assert np.array_equal(LevantDifferentiator(1.0, sampling_period=0.1).lambdas, [2.0, 1.5, 1.1])
     assert np.array_equal(
-        LevantDifferentiator(1.0, 5, sampling_period=0.1).lambdas, [8, 5, 3, 2, 1.5, 1.1]
+        LevantDifferentiator(L=1.0, order=1, sampling_period=0.1).lambdas, [1.5, 1.1]
     )
-    given = LevantDifferentiator(1.0, 6, np.arange(1, 8), sampling_period=0.1)
+    assert np.array_equal(LevantDifferentiator(L=1.0, sampling_period=0.1).lambdas, [2.0, 1.5, 1.1])
+    assert np.array_equal(
+        LevantDifferentiator(L=1.0, order=5, sampling_period=0.1).lambdas, [8, 5, 3, 2, 1.5, 1.1]
+    )
+    given = LevantDifferentiator(L=1.0, order=6, lambdas=np.arange(1, 8), sampling_period=0.1)
     assert np.array_equal(given.lambdas, np.arange(1, 8))
 
 
@@ -311,7 +321,9 @@ def test_standard_lambdas_are_used() -> None:
 def test_standard_lambdas_work_for_high_orders(order: int) -> None:
     period = 5e-3
     time = np.arange(0, 40, period)
-    found = errors(LevantDifferentiator(1.5, order, sampling_period=period), waves(time, order))
+    found = errors(
+        LevantDifferentiator(L=1.5, order=order, sampling_period=period), waves(time, order)
+    )
     theory = 1.5 * period ** (order + 1 - np.arange(order + 1))
     assert np.all(np.abs(found[time > 30]).max(axis=0) < {4: 100, 5: 4000}[order] * theory)
 
@@ -320,7 +332,9 @@ def test_standard_lambdas_work_for_high_orders(order: int) -> None:
 
 
 def test_overflow_is_reported_with_time_and_finite_rows() -> None:
-    differentiator = LevantDifferentiator(1e200, 1, (1.0, 1.0), sampling_period=1e60)
+    differentiator = LevantDifferentiator(
+        L=1e200, order=1, lambdas=(1.0, 1.0), sampling_period=1e60
+    )
     start = differentiator.init([1e300, 0.0])
     run = differentiator.run(np.zeros(9), state=start, on_divergence="return")
     rows = len(run)
@@ -355,8 +369,10 @@ def test_wrong_parameters_are_refused(changed: dict[str, Any], said: str) -> Non
 
 
 def test_wrong_states_and_steps_are_refused() -> None:
-    differentiator = LevantDifferentiator(1.0, sampling_period=0.1)
+    differentiator = LevantDifferentiator(L=1.0, sampling_period=0.1)
     with pytest.raises(InputError, match=r"^state: must be of a differentiator of order 2$"):
-        differentiator.run([1.0], state=zeros(LevantDifferentiator(1.0, 3, sampling_period=0.1)))
+        differentiator.run(
+            [1.0], state=zeros(LevantDifferentiator(L=1.0, order=3, sampling_period=0.1))
+        )
     with pytest.raises(InputError, match=r"^derivatives: has shape \(2,\)"):
         differentiator.init([1.0, 2.0])

@@ -75,13 +75,13 @@ def kalman(one: Plant, q: float, p: float) -> Any:
 
 
 def augmented(one: Plant, q: float, p: float) -> Any:
-    observer = AugmentedKalmanFilter(one.model(1.0), one.E, q * one.r)
+    observer = AugmentedKalmanFilter(one.model(1.0), fault_matrix=one.E, random_walk=q * one.r)
     return observer, observer.init(np.zeros(len(one.A)), one.r, None, p * one.r)
 
 
 def faults(one: Plant, q: float, p: float) -> Any:
     sizes = {"drift": 0.01 * (q * one.r) ** 0.5, "jump": (q * one.r) ** 0.5}
-    observer = FaultBank(one.model(1.0), one.E, **sizes, jump_rate=0.1, jump_time=0.5)
+    observer = FaultBank(one.model(1.0), fault_matrix=one.E, **sizes, jump_rate=0.1, jump_time=0.5)
     return observer, observer.init(np.zeros(len(one.A)), one.r, None, p * one.r)
 
 
@@ -95,7 +95,7 @@ def grid(one: Plant, q: float, p: float) -> Any:
     def make(value: float) -> LinearModel:
         return one._replace(C=value * one.C).model(q)
 
-    observer = GridFilter.of_parameter(make, [0.5, 1.0, 2.0], jump_rate=0.1)
+    observer = GridFilter.of_parameter(make, grid=[0.5, 1.0, 2.0], jump_rate=0.1)
     return observer, observer.init(np.zeros(len(one.A)), p * one.r)
 
 

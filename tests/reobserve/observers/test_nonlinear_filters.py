@@ -54,10 +54,10 @@ def test_three_filters_agree_on_a_linear_model() -> None:
     wanted = kalman.run(y, u, state=kalman.init([1.0, 0.0], 1.0))
     models = linear_as_text(), NonlinearModel(
         lambda x, u: A @ x + B @ u, lambda x, u: C @ x + D @ u, Q, R,
-        lambda x, u: A, lambda x: C, states=2, inputs=1, outputs=1,
+        F=lambda x, u: A, H=lambda x: C, states=2, inputs=1, outputs=1,
     )  # fmt: skip
     for model in models:
-        for one in (ExtendedKalmanFilter(model), UnscentedKalmanFilter(model, 1.0)):
+        for one in (ExtendedKalmanFilter(model), UnscentedKalmanFilter(model, alpha=1.0)):
             found = one.run(y, u, state=one.init([1.0, 0.0], 1.0))
             for name in SHARED:
                 np.testing.assert_allclose(
@@ -100,7 +100,7 @@ def radar_record() -> Array:
 def test_radar_tracking_agrees_with_filterpy_extended_filter(given: bool) -> None:
     y, start = radar_record(), np.array([-100.0, 110.0, 1100.0])
     model = NonlinearModel(
-        radar_step, slant_range, RADAR_Q, 25.0, None, slant_jacobian if given else None,
+        radar_step, slant_range, RADAR_Q, 25.0, F=None, H=slant_jacobian if given else None,
         states=3, outputs=1, sampling_period=STEP,
     )  # fmt: skip
     ours = ExtendedKalmanFilter(model)
@@ -151,7 +151,7 @@ def test_pendulum_agrees_with_filterpy_unscented_filter(alpha: float) -> None:
         pendulum_step, pendulum_output, noise, 0.0025, states=2, inputs=1, outputs=2,
         sampling_period=STEP,
     )  # fmt: skip
-    ours = UnscentedKalmanFilter(model, alpha, 2.0, 1.0)
+    ours = UnscentedKalmanFilter(model, alpha=alpha, beta=2.0, kappa=1.0)
     run = ours.run(y, u, state=ours.init([0.2, 0.1], 0.2))
     points = MerweScaledSigmaPoints(2, alpha, 2.0, 1.0)
     peer = PeerUKF(2, 2, STEP, pendulum_output, lambda x, dt, u: pendulum_step(x, u), points)
@@ -184,7 +184,7 @@ def test_gordon_growth_model_agrees_with_filterpy_unscented_filter() -> None:
         "x/2 + 25*x/(1 + x^2) + 8*cosine", "x^2/20", 10.0, 1.0, state_names=["x"],
         input_names=["cosine"],
     )  # fmt: skip
-    ours = UnscentedKalmanFilter(model, 1.0, 0.0, 2.0)
+    ours = UnscentedKalmanFilter(model, alpha=1.0, beta=0.0, kappa=2.0)
     run = ours.run(rows, u, state=ours.init([0.0], 5.0))
     points = MerweScaledSigmaPoints(1, 1.0, 0.0, 2.0)
     peer = PeerUKF(
@@ -263,7 +263,8 @@ def runge_kutta(x: Any, u: float, h: float, steps: int) -> Any:
 def van_der_pol(**options: Any) -> NonlinearModel:
     """The equation as text, with the first state measured."""
     return NonlinearModel.from_ode(
-        ["w", "(1 - a^2)*w - a + u"], "a", 1e-6, 1e-2, state_names=["a", "w"], input_names=["u"],
+        ["w", "(1 - a^2)*w - a + u"], "a", Q=1e-6, R=1e-2, state_names=["a", "w"],
+        input_names=["u"],
         sampling_period=0.1, substeps=3, **options,
     )  # fmt: skip
 
@@ -276,7 +277,7 @@ def van_der_pol_slope(x: Array, u: Array) -> list[float]:
 @pytest.mark.parametrize(("text", "accuracy"), [(True, 1e-14), (False, 2e-12)])
 def test_runge_kutta_jacobian_agrees_with_complex_steps(text: bool, accuracy: float) -> None:
     model = van_der_pol() if text else NonlinearModel.from_ode(
-        van_der_pol_slope, lambda x: x[0], 1e-6, 1e-2, states=2, inputs=1, outputs=1,
+        van_der_pol_slope, lambda x: x[0], Q=1e-6, R=1e-2, states=2, inputs=1, outputs=1,
         sampling_period=0.1, substeps=3,
     )  # fmt: skip
     one, x = ExtendedKalmanFilter(model), np.array([1.3, -0.7])
@@ -324,7 +325,7 @@ def test_extended_filter_bank_on_linear_models_equals_a_kalman_bank() -> None:
     linear = [LinearModel(A, gain * B, C, D, Q=Q, R=R) for gain in (1.0, 3.0)]
     kalman = IMM([KalmanFilter(model) for model in linear], transition)
     wanted = kalman.run(y, u, state=kalman.init([1.0, 0.0], 1.0))
-    for kind in (ExtendedKalmanFilter, lambda model: UnscentedKalmanFilter(model, 1.0)):
+    for kind in (ExtendedKalmanFilter, lambda model: UnscentedKalmanFilter(model, alpha=1.0)):
         bank = IMM([kind(linear_as_text(gain)) for gain in (1.0, 3.0)], transition)
         found = bank.run(y, u, state=bank.init([1.0, 0.0], 1.0))
         for name in ("state", "covariance", "probability", "innovation", "log_likelihood"):

@@ -134,7 +134,7 @@ ORDERS += [("series", 2), ("series", 7), ("jacobian", 7)]
 def test_identity_form_agrees_with_an_independent_integration(kind: str, order: int) -> None:
     step, steps = 1e-3, 3000
     states = integrated(identity_right(kind, order), ESTIMATE, np.arange(steps + 1) * step)
-    observer = IdentityObserver(form(), order, kind, sampling_period=step)
+    observer = IdentityObserver(form(), order=order, gain=kind, sampling_period=step)
     run = run_on_halves(observer, plant(step, steps)[:, :1], state=observer.init(ESTIMATE))
     assert run.diverged_at is None
     assert run.state.count == steps
@@ -155,7 +155,7 @@ def test_transformed_form_agrees_with_an_independent_integration(with_cubic: boo
         start,
         np.arange(steps + 1) * step,
     )[:, 2:]
-    observer = TransformedObserver(chosen, 4, sampling_period=step)
+    observer = TransformedObserver(chosen, order=4, sampling_period=step)
     run = run_on_halves(observer, plant(step, steps)[:, :1], state=observer.init(ESTIMATE))
     assert np.max(np.abs(run["coordinates"] - z)) < 1e-9
     read = as_function(T)
@@ -166,8 +166,8 @@ def test_transformed_form_agrees_with_an_independent_integration(with_cubic: boo
 def built(name: str, step: float, *, with_cubic: bool = False) -> NormalFormObserver:
     chosen = form(with_cubic=with_cubic)
     if name == "transformed":
-        return TransformedObserver(chosen, 4, sampling_period=step)
-    return IdentityObserver(chosen, 4, name, sampling_period=step)
+        return TransformedObserver(chosen, order=4, sampling_period=step)
+    return IdentityObserver(chosen, order=4, gain=name, sampling_period=step)
 
 
 @pytest.mark.parametrize("name", [*GAINS, "transformed"])
@@ -193,7 +193,7 @@ def test_transformed_form_is_exact_for_a_parabola(power: int) -> None:
     for k in range(power):
         chain[2 + k, 3 + k] = power - k
     start = np.concatenate([ESTIMATE, np.zeros(power), [1.0]])
-    observer = TransformedObserver(form(1), 0, sampling_period=step)
+    observer = TransformedObserver(form(1), order=0, sampling_period=step)
     y = (np.arange(2 * steps + 1) * 0.5 * step) ** power
     run = run_on_halves(observer, y, state=observer.init(ESTIMATE))
     wanted = np.array([(expm(chain * k * step) @ start)[:2] for k in range(steps + 1)])
@@ -202,7 +202,9 @@ def test_transformed_form_is_exact_for_a_parabola(power: int) -> None:
 
 def test_order_zero_gives_the_constant_gain_in_every_form() -> None:
     y = plant(0.01, 300)[:, :1]
-    observers = [IdentityObserver(form(), 0, kind, sampling_period=0.01) for kind in GAINS]
+    observers = [
+        IdentityObserver(form(), order=0, gain=kind, sampling_period=0.01) for kind in GAINS
+    ]
     runs = [run_on_halves(o, y, state=o.init(ESTIMATE))["state"] for o in observers]
     assert len({rows.tobytes() for rows in runs}) == 1
 
@@ -219,7 +221,7 @@ def test_error_is_exactly_linear_in_z() -> None:
     step, steps = 1e-3, 20_000
     x = plant(step, steps)
     z = np.stack([x[:, 0], x[:, 1] + x[:, 0] ** 3 / 3], axis=1)[::2]
-    observer = TransformedObserver(form(3, with_cubic=True), 2, sampling_period=step)
+    observer = TransformedObserver(form(3, with_cubic=True), order=2, sampling_period=step)
     run = run_on_halves(observer, x[:, :1], state=observer.init(ESTIMATE))
     error = run["coordinates"] - z
     every = range(0, steps + 1, 250)
@@ -231,7 +233,7 @@ def test_divergence_is_reported_with_time_and_last_state() -> None:
     """Order 2 diverges at about 9.736 s; an integrator with error control agrees."""
     step, steps = 2e-3, 10_000
     y = plant(step, steps)[:, :1]
-    observer = IdentityObserver(form(), 2, sampling_period=step)
+    observer = IdentityObserver(form(), order=2, sampling_period=step)
     start = observer.init([0.0, 0.0])
     run = run_on_halves(observer, y, state=start, on_divergence="return")
     assert run.diverged_at == pytest.approx(9.736, abs=0.01)
@@ -265,7 +267,7 @@ _far.terminal = True  # type: ignore[attr-defined]
 
 def test_overflow_of_the_first_estimate_is_reported() -> None:
     """z is finite, T(z) is not: no row is returned, and the state is the initial one."""
-    observer = TransformedObserver(form(5), 4, sampling_period=0.1)
+    observer = TransformedObserver(form(5), order=4, sampling_period=0.1)
     start = replace(observer.init([0.0, 0.0]), values=np.array([1e100, 1e100]))
     run = observer.run(np.zeros((3, 1)), state=start, on_divergence="return")
     assert run.diverged_at == 0.0

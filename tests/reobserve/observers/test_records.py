@@ -197,7 +197,7 @@ def test_augmented_filter_and_smoother_are_those_of_one_model(names: str) -> Non
     peer = KalmanFilter(model)
     spread = np.diag([0.5, 0.5, 0.5, 2.0])
     wanted = peer.run(y, u, state=peer.init([0.3, -0.2, 0.1, 0.4], spread), keep=KEEP, **other)
-    state = one.init([0.3, -0.2, 0.1], 0.5, [0.4], 2.0)
+    state = one.init([0.3, -0.2, 0.1], 0.5, unknown_input=[0.4], unknown_input_covariance=2.0)
     run = one.run(y, u, state=state, keep=[*KEEP, CROSS], **given)
     smooth = rts_smoother(one, run, u, y=y, **given)
     smoothed = rts_smoother(peer, wanted, u, y=y, **other)
@@ -242,7 +242,7 @@ def test_other_sizes_noise_and_matrices_by_row_compile_nothing() -> None:
 
     def linear(n: int, m: int, p: int, by_row: bool, count: int) -> None:
         noise = 0.1 + rng.random()
-        model = LinearModel(0.5 * np.eye(n), np.ones((n, p)), np.eye(m, n), None, noise, noise)
+        model = LinearModel(0.5 * np.eye(n), np.ones((n, p)), np.eye(m, n), None, Q=noise, R=noise)
         given = {name: np.tile(getattr(model, name), (4, 1, 1)) for name in "ABCDQR" if by_row}
         y = rng.normal(size=(4, m) if count == 1 else (count, 4, m))
         u = rng.normal(size=(4, p))

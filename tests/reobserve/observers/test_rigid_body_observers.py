@@ -47,13 +47,27 @@ FULL_INTEGRAL = np.array([[900.0, 60.0, 0.0], [60.0, 700.0, -40.0], [0.0, -40.0,
 DELAY = 7  # steps in an interval
 OBSERVERS: dict[str, RigidBodyObserver] = {
     "continuous": ILO(
-        SKEWED, FULL_K1, FULL_K2, FULL_OBSERVER_GAIN, DELAY * 0.01, sampling_period=0.01
+        SKEWED,
+        K1=FULL_K1,
+        K2=FULL_K2,
+        observer_gain=FULL_OBSERVER_GAIN,
+        update_interval=DELAY * 0.01,
+        sampling_period=0.01,
     ),
     "sampled": SampledILO(
-        SKEWED, FULL_K1, FULL_K2, FULL_OBSERVER_GAIN, DELAY * 0.01, sampling_period=0.01
+        SKEWED,
+        K1=FULL_K1,
+        K2=FULL_K2,
+        observer_gain=FULL_OBSERVER_GAIN,
+        update_interval=DELAY * 0.01,
+        sampling_period=0.01,
     ),
     "adaptive": AdaptiveObserver(
-        SKEWED, FULL_OBSERVER_GAIN, FULL_INTEGRAL, 0.1 * FULL_K2, sampling_period=0.01
+        SKEWED,
+        observer_gain=FULL_OBSERVER_GAIN,
+        integral_gain=FULL_INTEGRAL,
+        proportional_gain=0.1 * FULL_K2,
+        sampling_period=0.01,
     ),
 }
 each_observer = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSERVERS)
@@ -93,10 +107,10 @@ def test_error_grows_only_above_the_sampled_limit(
     for factor in (0.97, 1.03):
         observer = SampledILO(
             SKEWED,
-            K1,
-            factor * limit * K2,
-            observer_gain,
-            interval,
+            K1=K1,
+            K2=factor * limit * K2,
+            observer_gain=observer_gain,
+            update_interval=interval,
             allow_unstable=True,
             sampling_period=interval / 10,
         )
@@ -172,7 +186,9 @@ def test_error_of_the_continuous_observer_is_as_predicted(
 @pytest.mark.parametrize("interval", INTERVALS)
 def test_error_of_the_sampled_observer_is_as_predicted(interval: float, K1: float) -> None:
     step = interval / max(10, round(interval / 5e-4))
-    observer = SampledILO(BODY, K1, 1000.0, 1000.0, interval, sampling_period=step)
+    observer = SampledILO(
+        BODY, K1=K1, K2=1000.0, observer_gain=1000.0, update_interval=interval, sampling_period=step
+    )
     rms, _ = errors_under_a_sine(observer, 10.0, 10)
     predicted = predicted_rms_error(
         [[1.0, 0.0, 0.0]],
@@ -191,7 +207,13 @@ def test_error_of_the_sampled_observer_is_as_predicted(interval: float, K1: floa
 def test_error_of_the_adaptive_observer_is_as_predicted(
     integral: float, proportional: float, observer_gain: float
 ) -> None:
-    observer = AdaptiveObserver(BODY, observer_gain, integral, proportional, sampling_period=5e-4)
+    observer = AdaptiveObserver(
+        BODY,
+        observer_gain=observer_gain,
+        integral_gain=integral,
+        proportional_gain=proportional,
+        sampling_period=5e-4,
+    )
     rms, component = errors_under_a_sine(observer, 15.0, 10)
     gains = (observer_gain, 1.0, integral, proportional)
     transfer = pi_error_transfer(OMEGA, INERTIA, *gains)[0, :, 0]
@@ -218,10 +240,21 @@ def test_identity_learning_approaches_the_matched_adaptive_observer() -> None:
 
     intervals, sizes = [0.02, 0.01, 0.005], []
     for interval in intervals:
-        learning = ILO(BODY, 1.0, gain, observer_gain, interval, sampling_period=step)
+        learning = ILO(
+            BODY,
+            K1=1.0,
+            K2=gain,
+            observer_gain=observer_gain,
+            update_interval=interval,
+            sampling_period=step,
+        )
         gains = matched_integrator(gain, interval)
         matched = AdaptiveObserver(
-            BODY, observer_gain, gains.integral_gain, gains.proportional_gain, sampling_period=step
+            BODY,
+            observer_gain=observer_gain,
+            integral_gain=gains.integral_gain,
+            proportional_gain=gains.proportional_gain,
+            sampling_period=step,
         )
         late = time > 1.0
         difference = (
@@ -239,22 +272,58 @@ def test_identity_learning_approaches_the_matched_adaptive_observer() -> None:
 
 FAST_BODY = RigidBody(np.diag([1.0, 2.0, 3.0]), fault_matrix=1e-3)
 DIVERGING: dict[str, RigidBodyObserver] = {
-    "continuous": ILO(BODY, 3.0, 200.0, 10.0, 0.01, allow_unstable=True, sampling_period=0.0025),
+    "continuous": ILO(
+        BODY,
+        K1=3.0,
+        K2=200.0,
+        observer_gain=10.0,
+        update_interval=0.01,
+        allow_unstable=True,
+        sampling_period=0.0025,
+    ),
     "sampled": SampledILO(
-        BODY, 1.0, 20000.0, 10.0, 0.01, allow_unstable=True, sampling_period=0.0025
+        BODY,
+        K1=1.0,
+        K2=20000.0,
+        observer_gain=10.0,
+        update_interval=0.01,
+        allow_unstable=True,
+        sampling_period=0.0025,
     ),
     "adaptive": AdaptiveObserver(
-        BODY, 1000.0, 1000.0, 10.0, sampling_period=0.5
+        BODY,
+        observer_gain=1000.0,
+        integral_gain=1000.0,
+        proportional_gain=10.0,
+        sampling_period=0.5,
     ),  # far too large a step
     # An estimate about the first axis only, for which the gyroscopic torque vanishes: v, not
     # the rate, overflows first.
     "continuous, fault first": ILO(
-        FAST_BODY, 3.0, 1000.0, 10.0, 0.01, allow_unstable=True, sampling_period=0.0025
+        FAST_BODY,
+        K1=3.0,
+        K2=1000.0,
+        observer_gain=10.0,
+        update_interval=0.01,
+        allow_unstable=True,
+        sampling_period=0.0025,
     ),
     "sampled, fault first": SampledILO(
-        FAST_BODY, 3.0, 1000.0, 10.0, 0.01, allow_unstable=True, sampling_period=0.0025
+        FAST_BODY,
+        K1=3.0,
+        K2=1000.0,
+        observer_gain=10.0,
+        update_interval=0.01,
+        allow_unstable=True,
+        sampling_period=0.0025,
     ),
-    "adaptive, fault first": AdaptiveObserver(FAST_BODY, 1000.0, 1.0, 1e5, sampling_period=0.5),
+    "adaptive, fault first": AdaptiveObserver(
+        FAST_BODY,
+        observer_gain=1000.0,
+        integral_gain=1.0,
+        proportional_gain=1e5,
+        sampling_period=0.5,
+    ),
 }
 
 
@@ -315,7 +384,7 @@ def test_divergence_is_reported_when_the_linear_law_overflows() -> None:
 def test_overflow_at_the_first_sample_is_reported(
     observer: RigidBodyObserver,
 ) -> None:
-    state = observer.init(np.full(3, -1e308), np.full(3, 1e308))
+    state = observer.init(np.full(3, -1e308), fault=np.full(3, 1e308))
     for call in (
         observer.step,
         lambda state, *row: observer.run(*np.stack(row)[:, None], state=state),
@@ -434,12 +503,32 @@ def test_exact_initial_estimate_stays_exact() -> None:
     body, step, torque = RigidBody(INERTIA), 1e-3, [0.3, -0.2, 0.1]
     rate = turned(lambda _: torque, 1.0, [0.1, 0.2, -0.1])(np.arange(2001) * step / 2)
     for observer in (
-        ILO(body, 1.0, 500.0, 50.0, 10 * step, sampling_period=step),
-        SampledILO(body, 1.0, 500.0, 50.0, 10 * step, sampling_period=step),
-        AdaptiveObserver(body, 50.0, 100.0, 20.0, sampling_period=step),
+        ILO(
+            body,
+            K1=1.0,
+            K2=500.0,
+            observer_gain=50.0,
+            update_interval=10 * step,
+            sampling_period=step,
+        ),
+        SampledILO(
+            body,
+            K1=1.0,
+            K2=500.0,
+            observer_gain=50.0,
+            update_interval=10 * step,
+            sampling_period=step,
+        ),
+        AdaptiveObserver(
+            body,
+            observer_gain=50.0,
+            integral_gain=100.0,
+            proportional_gain=20.0,
+            sampling_period=step,
+        ),
     ):
         run = run_on_halves(
-            observer, rate, np.zeros_like(rate), state=observer.init(rate[0], torque)
+            observer, rate, np.zeros_like(rate), state=observer.init(rate[0], fault=torque)
         )
         assert np.max(np.abs(run["fault"] - torque)) < 1e-9
         assert np.max(np.abs(run.before["fault"] - torque)) < 1e-9

@@ -292,7 +292,14 @@ BODY = RigidBody(INERTIA, INPUT, FAULT)
 
 
 def continuous(K1: Array) -> Callable[[float], RigidBodyObserver]:
-    return lambda step: ILO(BODY, K1, K2, OBSERVER_GAIN, INTERVAL, sampling_period=step)
+    return lambda step: ILO(
+        BODY,
+        K1=K1,
+        K2=K2,
+        observer_gain=OBSERVER_GAIN,
+        update_interval=INTERVAL,
+        sampling_period=step,
+    )
 
 
 @pytest.mark.parametrize("identity", [False, True], ids=["forgetting", "identity"])
@@ -323,7 +330,14 @@ def test_jump_of_the_estimate_recurs_every_interval(where: str, identity: bool) 
 @pytest.mark.parametrize("where", SCENARIOS)
 def test_sampled_observer_is_of_order_4(where: str) -> None:
     def build(step: float) -> SampledILO:
-        return SampledILO(BODY, FORGETTING, K2, OBSERVER_GAIN, INTERVAL, sampling_period=step)
+        return SampledILO(
+            BODY,
+            K1=FORGETTING,
+            K2=K2,
+            observer_gain=OBSERVER_GAIN,
+            update_interval=INTERVAL,
+            sampling_period=step,
+        )
 
     check_order(where, build, plain_reference(where, "sampled"))
 
@@ -331,6 +345,12 @@ def test_sampled_observer_is_of_order_4(where: str) -> None:
 @pytest.mark.parametrize("where", SCENARIOS)
 def test_adaptive_observer_is_of_order_4(where: str) -> None:
     def build(step: float) -> AdaptiveObserver:
-        return AdaptiveObserver(BODY, OBSERVER_GAIN, INTEGRAL, 0.1 * K2, sampling_period=step)
+        return AdaptiveObserver(
+            BODY,
+            observer_gain=OBSERVER_GAIN,
+            integral_gain=INTEGRAL,
+            proportional_gain=0.1 * K2,
+            sampling_period=step,
+        )
 
     check_order(where, build, plain_reference(where, "adaptive"))

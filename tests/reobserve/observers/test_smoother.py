@@ -55,7 +55,7 @@ def filters() -> dict[str, Any]:
     return {
         "kalman": KalmanFilter(LinearModel(A, B, C, D, Q=Q, R=R)),
         "extended": ExtendedKalmanFilter(text),
-        "unscented": UnscentedKalmanFilter(text, 1.0),
+        "unscented": UnscentedKalmanFilter(text, alpha=1.0),
     }
 
 
@@ -116,7 +116,7 @@ def test_unscented_smoother_agrees_with_filterpy() -> None:
         pendulum_step, pendulum_output, noise, 0.0025, states=2, inputs=1, outputs=2,
         sampling_period=STEP,
     )  # fmt: skip
-    one, u = UnscentedKalmanFilter(model, 0.5, 2.0, 1.0), np.full((50, 1), 0.3)
+    one, u = UnscentedKalmanFilter(model, alpha=0.5, beta=2.0, kappa=1.0), np.full((50, 1), 0.3)
     run = one.run(y, u, state=one.init([0.2, 0.1], 0.2))
     points = MerweScaledSigmaPoints(2, 0.5, 2.0, 1.0)
     peer = PeerUKF(

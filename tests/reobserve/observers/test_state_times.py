@@ -19,13 +19,13 @@ PERIOD = 0.1
 
 def high_gain() -> tuple[Any, Any]:
     observer = HighGainObserver(
-        triangular_model(["a", "b"], ["0", "-sin(a)"], "1"), 1.0, sampling_period=PERIOD
+        triangular_model(["a", "b"], ["0", "-sin(a)"], "1"), rho=1.0, sampling_period=PERIOD
     )
     return observer, observer.init([0.0, 0.0])
 
 
 def levant() -> tuple[Any, Any]:
-    observer = LevantDifferentiator(1.0, 1, sampling_period=PERIOD)
+    observer = LevantDifferentiator(L=1.0, order=1, sampling_period=PERIOD)
     return observer, observer.init([0.0, 0.0])
 
 

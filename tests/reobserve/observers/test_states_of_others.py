@@ -52,20 +52,22 @@ def observers() -> dict[str, Any]:
         sampling_period=1.0,
     )  # fmt: skip
     kalman = KalmanFilter(model)
-    grid = GridFilter.of_delay(plant, [0.0, 0.1], random_walk=0.01)
+    grid = GridFilter.of_delay(plant, delays=[0.0, 0.1], random_walk=0.01)
     return {
         "kalman": kalman,
         "learning": KalmanFilter(model, noise_memory=50.0),
-        "svsf": SmoothVariableStructureFilter(model, 0.5, 0.1),
-        "augmented": AugmentedKalmanFilter(plant, [[1.0]], random_walk=1e-4),
-        "fixed": FixedGainObserver(model, [[0.5], [0.5]]),
+        "svsf": SmoothVariableStructureFilter(model, boundary_layer=0.5, convergence_rate=0.1),
+        "augmented": AugmentedKalmanFilter(plant, fault_matrix=[[1.0]], random_walk=1e-4),
+        "fixed": FixedGainObserver(model, gain=[[0.5], [0.5]]),
         "extended": ExtendedKalmanFilter(text),
         "bank": IMM([kalman, kalman], CHAIN),
         "learning bank": IMM([kalman, kalman], CHAIN, noise_memory=50.0),
         "own": IMM([Own(kalman), Own(kalman)], CHAIN),
         "grid": grid,
         "bank of the grid": IMM(grid.filters, grid.transition),
-        "faults": FaultBank(plant, [[1.0]], 0.1, 1.0, 0.1, 1.0),
+        "faults": FaultBank(
+            plant, fault_matrix=[[1.0]], drift=0.1, jump=1.0, jump_rate=0.1, jump_time=1.0
+        ),
     }
 
 

@@ -100,13 +100,17 @@ def kalman(one: LinearModel, of: Units) -> Any:
 
 def svsf(one: LinearModel, of: Units, inverse: str = "weighted") -> Any:
     layer = np.array([0.5, 0.4]) / of.y
-    return SmoothVariableStructureFilter(model(one, of), layer, 0.1, inverse)
+    return SmoothVariableStructureFilter(
+        model(one, of), boundary_layer=layer, convergence_rate=0.1, inverse=inverse
+    )
 
 
 def augmented(one: LinearModel, of: Units) -> Any:
     G = np.array([[1.0], [0.0], [0.5]]) * of.d / of.x[:, None]
     H = np.array([[0.2], [-0.1]]) * of.d / of.y[:, None]
-    return AugmentedKalmanFilter(model(one, of), G, 0.05 / of.d**2, H)
+    return AugmentedKalmanFilter(
+        model(one, of), fault_matrix=G, random_walk=0.05 / of.d**2, output_fault_matrix=H
+    )
 
 
 def bank(make: Callable[[LinearModel, Units], Any]) -> Callable[[LinearModel, Units], Any]:
@@ -163,7 +167,7 @@ def high_gain(of: Units) -> Case:
     a = float(of.y[0])
     drift = ["0", f"-sin(a*{a!r})/{a!r} - w/10"]
     text = triangular_model(["a", "w"], drift, f"{float(of.u[0]) / a!r}")
-    return of_one_signal(HighGainObserver(text, 5.0, sampling_period=0.1), of)
+    return of_one_signal(HighGainObserver(text, rho=5.0, sampling_period=0.1), of)
 
 
 def normal_form(of: Units) -> Case:
@@ -187,7 +191,7 @@ def extended_state(of: Units) -> Case:
     )  # fmt: skip
     units = np.concatenate([x, of.y, [of.d, of.y[1]]])  # of states, filtered outputs, faults
     L = 0.1 * np.random.default_rng(2).normal(size=(6, 2)) * of.y / units[:, None]
-    one = ExtendedStateObserver(system, Gains(L, 0.5 * L), sampling_period=0.02)
+    one = ExtendedStateObserver(system, gains=Gains(L, 0.5 * L), sampling_period=0.02)
     scales = {"state": x, "actuator_fault": of.d, "sensor_fault": of.y[1]}
     return Case(one, one.init(), known / of.y, u / of.u, scales)
 
@@ -208,16 +212,39 @@ OTHERS: dict[str, Callable[[Units], Case]] = {
     "high gain": high_gain,
     "normal form": normal_form,
     "differentiator": lambda of: of_one_signal(
-        LevantDifferentiator(4.0 / of.y[0], 2, sampling_period=0.1), of
+        LevantDifferentiator(L=4.0 / of.y[0], order=2, sampling_period=0.1), of
     ),
     "sampled ILO": lambda of: rigid(
-        lambda body, d: SampledILO(body, 0.9, 200 / d, 500 / d, 0.02, sampling_period=0.01), of
+        lambda body, d: SampledILO(
+            body,
+            K1=0.9,
+            K2=200 / d,
+            observer_gain=500 / d,
+            update_interval=0.02,
+            sampling_period=0.01,
+        ),
+        of,
     ),
     "continuous ILO": lambda of: rigid(
-        lambda body, d: ILO(body, 0.9, 50 / d, 500 / d, 0.03, sampling_period=0.01), of
+        lambda body, d: ILO(
+            body,
+            K1=0.9,
+            K2=50 / d,
+            observer_gain=500 / d,
+            update_interval=0.03,
+            sampling_period=0.01,
+        ),
+        of,
     ),
     "adaptive": lambda of: rigid(
-        lambda body, d: AdaptiveObserver(body, 500 / d, 1000 / d, 10 / d, sampling_period=0.01), of
+        lambda body, d: AdaptiveObserver(
+            body,
+            observer_gain=500 / d,
+            integral_gain=1000 / d,
+            proportional_gain=10 / d,
+            sampling_period=0.01,
+        ),
+        of,
     ),
 }
 

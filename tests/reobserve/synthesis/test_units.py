@@ -73,10 +73,10 @@ def test_steady_gain_is_that_of_any_units(seed: int, x: Array, y: Array) -> None
     (A, C), draw = random_pair(seed), np.random.default_rng(seed)
     G = draw.normal(size=(STATES, STATES))
     Q, R = 10.0 ** draw.uniform(-8, 0) * G @ G.T, np.diag(10.0 ** draw.uniform(-3, 3, OUTPUTS))
-    one = LinearModel(A, None, C, None, Q, R, check=False)
+    one = LinearModel(A, None, C, None, Q=Q, R=R, check=False)
     other = LinearModel(
         x[:, None] * A / x, None, y[:, None] * C / x, None,
-        x[:, None] * Q * x, y[:, None] * R * y, check=False,
+        Q=x[:, None] * Q * x, R=y[:, None] * R * y, check=False,
     )  # fmt: skip
     expected = answer(lambda: steady_kalman(one).gain)
     found = answer(lambda: steady_kalman(other).gain)
@@ -110,7 +110,7 @@ def exact_gain(A: list[list[float]], C: list[float], Q: list[float], r: float) -
     ],
 )
 def test_steady_gain_agrees_with_fifty_digits(A: Any, C: Any, Q: Any, R: float) -> None:
-    model = LinearModel(A, None, [C], None, Q, R)
+    model = LinearModel(A, None, [C], None, Q=Q, R=R)
     assert steady_kalman(model).gain == pytest.approx(exact_gain(A, C, Q, R), rel=AGREE)
 
 
@@ -145,10 +145,12 @@ def test_unobservable_modes_are_those_of_any_units(seed: int, x: Array, y: Array
 
 
 def test_gains_of_predictor_and_filter_form_are_distinguished() -> None:
-    model = LinearModel([[1.0, 0.1], [0.0, 0.9]], None, [[1.0, 0.0]], None, [1e-4, 1e-3], 1e-2)
+    model = LinearModel([[1.0, 0.1], [0.0, 0.9]], None, [[1.0, 0.0]], None, Q=[1e-4, 1e-3], R=1e-2)
     filtering = steady_kalman(model).gain
     assert filter_gain(model, model.A @ filtering) == pytest.approx(filtering, rel=1e-12)
-    delay = LinearModel([[0.0, 0.0], [1.0, 0.0]], None, [[0.0, 1.0]], None, 1.0, 1.0, check=False)
+    delay = LinearModel(
+        [[0.0, 0.0], [1.0, 0.0]], None, [[0.0, 1.0]], None, Q=1.0, R=1.0, check=False
+    )
     with pytest.raises(InputError, match=r"^predictor_gain: is no A L: A is singular"):
         filter_gain(delay, [[1.0], [0.0]])
 
@@ -180,7 +182,7 @@ def is_covariance(matrix: Array, definite: bool) -> bool:
 @given(st.integers(-15, 15))
 def test_a_negative_variance_is_none_in_any_units(power: int) -> None:
     with pytest.raises(InputError, match=r"^Q: must be positive semidefinite"):
-        LinearModel(np.eye(2), None, [[1.0, 0.0]], None, [1.0, -(10.0**power)], 1.0)
+        LinearModel(np.eye(2), None, [[1.0, 0.0]], None, Q=[1.0, -(10.0**power)], R=1.0)
 
 
 # --- The H-infinity norm -------------------------------------------------------------------------

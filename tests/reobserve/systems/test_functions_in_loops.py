@@ -192,7 +192,7 @@ def table_gain(x: Any, parameters: Any, out: Any) -> None:
 
 def test_vector_field_reports_an_index_and_leaves_the_state_alone() -> None:
     model = TriangularModel(1, beyond, table_gain, [1.0, 1.0])
-    observer = HighGainObserver(model, 1.0, sampling_period=0.1)
+    observer = HighGainObserver(model, rho=1.0, sampling_period=0.1)
     good = observer.run([0.0, 1.0, 0.0], [0.0] * 3, state=observer.init([0.0]))
     assert abs(good["state"]).max() < 1.0
     with pytest.raises(InputError, match="table_gain: raises IndexError: index 2 is out of bounds"):
@@ -201,7 +201,7 @@ def test_vector_field_reports_an_index_and_leaves_the_state_alone() -> None:
 
 def test_text_models_can_be_pickled_and_copied() -> None:
     model = triangular_model(["a", "b"], ["0", "-sin(a)"], "1")
-    observer = HighGainObserver(model, 1.0, sampling_period=0.1)
+    observer = HighGainObserver(model, rho=1.0, sampling_period=0.1)
     y, u = np.sin(np.arange(10.0)), np.zeros(10)
     sought = observer.run(y, u, state=observer.init([0.0, 0.0]))["state"]
     for one in (pickle.loads(pickle.dumps(observer)), copy.deepcopy(observer)):

@@ -14,7 +14,9 @@ from reobserve import InputError, LinearModel
 def test_continuous_linear_model_agrees_with_python_control() -> None:
     control = pytest.importorskip("control")
     A, B, C, D = [[0.0, 1.0], [-2.0, -0.3]], [[0.0], [1.5]], [[1.0, 0.0]], [[0.1]]
-    made = LinearModel.from_ode(A, B, C, D, 1e-3, 1e-2, sampling_period=0.2, state_names=["a", "w"])
+    made = LinearModel.from_ode(
+        A, B, C, D, Q=1e-3, R=1e-2, sampling_period=0.2, state_names=["a", "w"]
+    )
     wanted = control.c2d(control.ss(A, B, C, D), 0.2)
     for name in "ABCD":
         np.testing.assert_allclose(getattr(made, name), getattr(wanted, name), rtol=1e-13)

@@ -223,8 +223,8 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
         "substeps: 0 must be a whole number, from 1 to 10000",
     ),
     (lambda: ExtendedKalmanFilter(3.0), "model: 3.0 must be of type NonlinearModel"),  # type: ignore[arg-type]
-    (lambda: UnscentedKalmanFilter(text()(), 0.0), "alpha: 0 must be greater than zero"),
-    (lambda: UnscentedKalmanFilter(text()(), 2.0), "alpha: 2 must be from 1e-6 to 1"),
+    (lambda: UnscentedKalmanFilter(text()(), alpha=0.0), "alpha: 0 must be greater than zero"),
+    (lambda: UnscentedKalmanFilter(text()(), alpha=2.0), "alpha: 2 must be from 1e-6 to 1"),
     (lambda: UnscentedKalmanFilter(text()(), kappa=-2.0), "kappa: -2 must be above -2, minus n"),
 ]
 
@@ -314,7 +314,7 @@ def test_non_finite_value_is_reported_with_the_time(kind: Any, f: Any, h: Any, w
 def test_indefinite_covariance_is_reported() -> None:
     """With a large negative central weight the variance of a parabola becomes negative."""
     model = NonlinearModel("x^2", "x", 0.0, 1.0, state_names=["x"])
-    one = UnscentedKalmanFilter(model, 1.0, -2.0, -0.5)
+    one = UnscentedKalmanFilter(model, alpha=1.0, beta=-2.0, kappa=-0.5)
     posterior = one.init([0.0], 1.0).posterior
     with pytest.raises(DivergenceError, match="no longer positive semidefinite, so that it has no"):
         one.predict(posterior)

@@ -21,7 +21,9 @@ def test_parameters_of_a_model_may_be_a_list() -> None:
     lag = first_order_lag(1.5, 2.0)
     listed = TriangularModel(lag.states, lag.drift, lag.input_gain, lag.parameters.tolist())
     y, u = np.linspace(0.0, 1.0, 9), np.ones(9)
-    first, second = (HighGainObserver(model, 2.0, sampling_period=0.01) for model in (lag, listed))
+    first, second = (
+        HighGainObserver(model, rho=2.0, sampling_period=0.01) for model in (lag, listed)
+    )
     found, wanted = (one.run(y, u, state=one.init([0.0]))["state"] for one in (second, first))
     assert np.array_equal(found, wanted)
 
@@ -89,10 +91,10 @@ def test_invalid_right_hand_side_text_is_refused(
 
 def test_integers_of_more_than_64_bits_are_compiled() -> None:
     model = triangular_model(["a"], ["0"], "10**30 + (10**25 + 1)/7*a - a/10**23")
-    observer = HighGainObserver(model, 2.0, sampling_period=0.01)
+    observer = HighGainObserver(model, rho=2.0, sampling_period=0.01)
     y, u = np.full(3, 0.25), np.full(3, 1e-30)
     same = triangular_model(["a"], ["0"], "1e30 + 1.4285714285714285714e24*a - 1e-23*a")
-    other = HighGainObserver(same, 2.0, sampling_period=0.01)
+    other = HighGainObserver(same, rho=2.0, sampling_period=0.01)
     found, wanted = (one.run(y, u, state=one.init([0.0]))["state"] for one in (observer, other))
     assert found[-1, 0] > 0.02
     assert found == pytest.approx(wanted, rel=1e-15)

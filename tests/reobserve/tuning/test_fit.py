@@ -181,14 +181,14 @@ def test_what_cannot_be_fitted_is_refused() -> None:
     y = level_record()
 
     def without(p: dict[str, float]) -> object:
-        return LevantDifferentiator(1.0, 1, sampling_period=0.1), None
+        return LevantDifferentiator(L=1.0, order=1, sampling_period=0.1), None
 
     def gated(p: dict[str, float]) -> object:
         kalman = KalmanFilter(local_level(p)[0].model, gate=3)
         return kalman, kalman.init([0], 100.0)
 
     def unstable(p: dict[str, float]) -> object:
-        return FixedGainObserver(LinearModel([[1]], C=[[1]], Q=1, R=1), [[p["gain"]]]), None
+        return FixedGainObserver(LinearModel([[1]], C=[[1]], Q=1, R=1), gain=[[p["gain"]]]), None
 
     for call, message in (
         (lambda: fit(local_level, RANGES, []), "records"),

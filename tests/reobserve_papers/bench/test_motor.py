@@ -190,10 +190,13 @@ def test_filter_of_diffuse_faults_is_the_inverted_model() -> None:
     """
     record, plant = task().record("all", 1), task().plant_in("all")
     A, B = zero_order_hold(plant.motor.A, plant.motor.B, PERIOD)
-    model = LinearModel(A, B, np.eye(2), None, 1e-8, 1e-4, sampling_period=PERIOD)
+    model = LinearModel(A, B, np.eye(2), None, Q=1e-8, R=1e-4, sampling_period=PERIOD)
     none = np.zeros((2, 1))
     observer = AugmentedKalmanFilter(
-        model, np.hstack([B, none]), 1e8, np.hstack([none, [[1.0], [0.0]]])
+        model,
+        fault_matrix=np.hstack([B, none]),
+        random_walk=1e8,
+        output_fault_matrix=np.hstack([none, [[1.0], [0.0]]]),
     )
     y, u = record.measurements, record.inputs
     start = observer.init(y[0], 1e-4, unknown_input_covariance=1e8)

@@ -274,7 +274,9 @@ def test_filtered_difference_rises_exponentially() -> None:
 def test_differentiators_have_their_bound_over_the_moment_of_inertia() -> None:
     found, y = estimated("levant", {"L": 2e-5, "lambda0": 2.0}), stepped().measurements
     rates = [
-        LevantDifferentiator(2e-5 / J[i, i], 2, (2.0, 1.5, 1.1), sampling_period=T).run(y[:, i])
+        LevantDifferentiator(
+            L=2e-5 / J[i, i], order=2, lambdas=(2.0, 1.5, 1.1), sampling_period=T
+        ).run(y[:, i])
         for i in range(3)
     ]
     expected = np.column_stack([run["derivatives"][:, 1] for run in rates]) @ J

@@ -177,10 +177,13 @@ def test_normal_form_and_differentiator_are_those_of_their_settings() -> None:
     record = recorded(2, plant(horizon=4.0))
     pole = 4.0 * complex(-0.6, 0.8)
     form = normal_form(vdp._system(), 3, poles=[pole, pole.conjugate()])
-    observer, y = IdentityObserver(form, 2, "series", sampling_period=T), record.measurements
+    observer, y = (
+        IdentityObserver(form, order=2, gain="series", sampling_period=T),
+        record.measurements,
+    )
     found = estimated("normal_form", {"frequency": 4.0, "damping": 0.6, "order": 2}, record)
     assert (found == observer.run(y, state=observer.init([y[0, 0], 0.0]))["state"]).all()
-    levant = LevantDifferentiator(30.0, 2, (2.5, 1.5, 1.1), sampling_period=T)
+    levant = LevantDifferentiator(L=30.0, order=2, lambdas=(2.5, 1.5, 1.1), sampling_period=T)
     found = estimated("levant", {"L": 30.0, "lambda0": 2.5}, record)
     assert (found == levant.run(y[:, 0])["derivatives"][:, :2]).all()
 

@@ -70,8 +70,8 @@ class AdaptiveDesign(BodyDesign):
         """The observer."""
         gains = self.gains
         return AdaptiveObserver(
-            self.system.body, gains.observer_gain, gains.integral_gain,
-            gains.proportional_gain, sampling_period=self.system.sampling_period,
+            self.system.body, observer_gain=gains.observer_gain, integral_gain=gains.integral_gain,
+            proportional_gain=gains.proportional_gain, sampling_period=self.system.sampling_period,
         )  # fmt: skip
 
     def certify(self) -> Certificate:

@@ -111,7 +111,11 @@ class AugmentedKalmanDesign(FilterDesign):
         system = self.system
         E = system.sampled(system.fault_matrix)  # one of another shape is the observer's to refuse
         return AugmentedKalmanFilter(
-            system.model, E, system.random_walk, system.output_fault_matrix, **rules(system)
+            system.model,
+            fault_matrix=E,
+            random_walk=system.random_walk,
+            output_fault_matrix=system.output_fault_matrix,
+            **rules(system),
         )
 
     @property
@@ -132,8 +136,8 @@ class AugmentedKalmanDesign(FilterDesign):
         """Initial mean and covariance, at the first sample."""
         system = self.system
         return self.observer.init(
-            system.mean, system.initial_covariance, system.initial_unknown_input,
-            system.initial_unknown_input_covariance,
+            system.mean, system.initial_covariance, unknown_input=system.initial_unknown_input,
+            unknown_input_covariance=system.initial_unknown_input_covariance,
         )  # fmt: skip
 
     @property
@@ -149,7 +153,7 @@ class AugmentedKalmanDesign(FilterDesign):
     def certify(self) -> Certificate:
         """Poles of the error of state and unknown inputs, with the gain of the filter at rest."""
         whole = self.observer.whole
-        resting = FixedGainObserver(whole, steady_kalman_gain(whole))
+        resting = FixedGainObserver(whole, gain=steady_kalman_gain(whole))
         return {"poles": pairs(resting.poles), "spectral_radius": float(np.abs(resting.poles[0]))}
 
     def summary(self) -> list[str]:

@@ -94,7 +94,11 @@ class DelayGridDesign(FilterDesign):
         """The filter."""
         system = self.system
         return GridFilter.of_delay(
-            system.model, system.delays, system.random_walk, system.jump_rate, **rules(system)
+            system.model,
+            delays=system.delays,
+            random_walk=system.random_walk,
+            jump_rate=system.jump_rate,
+            **rules(system),
         )
 
     @property

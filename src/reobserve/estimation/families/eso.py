@@ -181,7 +181,7 @@ class EsoDesign(Design):
         L, Ld = self.gains.L, self.gains.Ld
         gains = Gains(L, np.zeros_like(L) if Ld is None else Ld)
         return ExtendedStateObserver(
-            self.system.augmented, gains, sampling_period=self.system.sampling_period
+            self.system.augmented, gains=gains, sampling_period=self.system.sampling_period
         )
 
     @property
@@ -204,7 +204,7 @@ class EsoDesign(Design):
         x = np.asarray(initial, dtype=np.float64)
         filtered = self.system.C @ x
         faults = np.zeros(self.system.augmented.faults)
-        return self.observer.init(np.concatenate([x, filtered, faults]), filtered)
+        return self.observer.init(np.concatenate([x, filtered, faults]), filtered=filtered)
 
     @property
     def states(self) -> tuple[NamedSignal, ...]:

@@ -101,8 +101,10 @@ class ExtendedHighGainDesign(Design):
         """The observer."""
         system, gains = self.system, self.gains
         return ExtendedHighGainObserver(
-            system.model, gains.rho, gains.order, system.delay_bounds, gains.threshold,
-            gains.switched, gains.initial_matrix, sampling_period=system.sampling_period,
+            system.model, rho=gains.rho, order=gains.order, delay_bounds=system.delay_bounds,
+            threshold=gains.threshold,
+            switched=gains.switched, initial_matrix=gains.initial_matrix,
+            sampling_period=system.sampling_period,
         )  # fmt: skip
 
     @property
@@ -116,7 +118,7 @@ class ExtendedHighGainDesign(Design):
 
     def start(self) -> ExtendedHighGainState:
         """The initial state and delay."""
-        return self.observer.init(self.system.start, self.system.initial_delay)
+        return self.observer.init(self.system.start, delay=self.system.initial_delay)
 
     @property
     def inputs(self) -> tuple[NamedSignal, ...]:

@@ -118,8 +118,9 @@ class FaultBankDesign(FilterDesign):
         system = self.system
         E = system.sampled(system.fault_matrix)  # one of another shape is the observer's to refuse
         return FaultBank(
-            system.model, E, system.drift, system.jump, system.jump_rate, system.jump_time,
-            system.output_fault_matrix, **rules(system),
+            system.model, fault_matrix=E, drift=system.drift, jump=system.jump,
+            jump_rate=system.jump_rate, jump_time=system.jump_time,
+            output_fault_matrix=system.output_fault_matrix, **rules(system),
         )  # fmt: skip
 
     @property
@@ -151,8 +152,9 @@ class FaultBankDesign(FilterDesign):
         """Initial mean and covariance, at the first sample."""
         system = self.system
         return self.observer.init(
-            system.mean, system.initial_covariance, None, system.initial_fault_covariance,
-            system.initial_rate_covariance,
+            system.mean, system.initial_covariance,
+            fault_covariance=system.initial_fault_covariance,
+            rate_covariance=system.initial_rate_covariance,
         )  # fmt: skip
 
     def residual(self, y: Array, estimates: Estimates) -> Array:

@@ -70,7 +70,7 @@ class HighGainDesign(Design):
         """The observer."""
         system = self.system
         return HighGainObserver(
-            system.model, self.gains.rho, sampling_period=system.sampling_period
+            system.model, rho=self.gains.rho, sampling_period=system.sampling_period
         )
 
     def start(self) -> HighGainState:

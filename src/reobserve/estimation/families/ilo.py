@@ -108,8 +108,8 @@ class IloDesign(BodyDesign):
         gains, period = self.gains, self.system.sampling_period
         interval = period if gains.update_interval is None else gains.update_interval
         observer = kind(
-            self.system.body, gains.K1, gains.K2, gains.observer_gain, interval,
-            sampling_period=period,
+            self.system.body, K1=gains.K1, K2=gains.K2, observer_gain=gains.observer_gain,
+            update_interval=interval, sampling_period=period,
         )  # fmt: skip
         radius = spectral_radius(observer.K1)
         if self.system.variant == "forgetting" and radius >= 1.0:

@@ -158,9 +158,14 @@ class ImmDesign(FilterDesign):
             else:
                 layer, rate = gains.boundary_layer, gains.convergence_rate
                 filters.append(
-                    SmoothVariableStructureFilter(system.model, layer, rate, gains.inverse)
+                    SmoothVariableStructureFilter(
+                        system.model,
+                        boundary_layer=layer,
+                        convergence_rate=rate,
+                        inverse=gains.inverse,
+                    )
                 )
-        return IMM(filters, gains.transition, gains.mixing, **rules(self.system))
+        return IMM(filters, gains.transition, mixing=gains.mixing, **rules(self.system))
 
     @property
     def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
@@ -181,7 +186,7 @@ class ImmDesign(FilterDesign):
         """Initial mean and covariance of all modes, at the first sample."""
         system = self.system
         return self.observer.init(
-            system.mean, system.initial_covariance, system.initial_probabilities
+            system.mean, system.initial_covariance, probabilities=system.initial_probabilities
         )
 
     def residual(self, y: Array, estimates: Estimates) -> Array:

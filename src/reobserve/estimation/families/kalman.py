@@ -113,7 +113,7 @@ class KalmanDesign(FilterDesign):
         options = rules(self.system)
         if self.gains is None:
             return KalmanFilter(self.system.model, **options)
-        return FixedGainObserver(self.system.model, self.gains.gain, **options)
+        return FixedGainObserver(self.system.model, gain=self.gains.gain, **options)
 
     def certify(self) -> Certificate:
         """Poles of the error at rest, the gain against the Riccati equation's.
@@ -125,7 +125,7 @@ class KalmanDesign(FilterDesign):
         """
         steady = steady_kalman_gain(self.system.model)
         gain = steady if self.gains is None else self.gains.gain
-        resting = FixedGainObserver(self.system.model, gain)  # refuses other shapes
+        resting = FixedGainObserver(self.system.model, gain=gain)  # refuses other shapes
         off = kalman_gain_error(self.system.model, resting.gain)
         if off.max() > 1e-6:
             worst = np.unravel_index(np.argmax(off), steady.shape)

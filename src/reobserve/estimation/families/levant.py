@@ -114,7 +114,10 @@ class LevantDesign(Design):
         """The differentiator."""
         gains = self.gains
         return LevantDifferentiator(
-            gains.L, gains.order, gains.lambdas, sampling_period=self.system.sampling_period
+            L=gains.L,
+            order=gains.order,
+            lambdas=gains.lambdas,
+            sampling_period=self.system.sampling_period,
         )
 
     @property

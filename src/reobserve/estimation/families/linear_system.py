@@ -73,8 +73,13 @@ class LinearSystem(System):
     @cached_property
     def model(self) -> LinearModel:
         """The sampled model, or `InputError` if it is none that filters can have."""
-        matrices = (self.A, self.B, self.C, self.D, self.Q, self.R)
-        options: Any = {"sampling_period": self.sampling_period, **periods(self)}
+        matrices = (self.A, self.B, self.C, self.D)
+        options: Any = {
+            "Q": self.Q,
+            "R": self.R,
+            "sampling_period": self.sampling_period,
+            **periods(self),
+        }
         if self.time == "continuous":
             return LinearModel.from_ode(*matrices, **options)
         return LinearModel(*matrices, check=self.check, **options)

@@ -81,7 +81,7 @@ class LuenbergerDesign(FilterDesign):
     @cached_property
     def observer(self) -> FixedGainObserver:
         """The observer."""
-        return FixedGainObserver(self.system.model, self.gains.gain)
+        return FixedGainObserver(self.system.model, gain=self.gains.gain)
 
     def start(self) -> KalmanState:
         """The initial state, at the first sample."""

@@ -109,7 +109,7 @@ class BodyDesign(Design):
         rate, fault = self.system.initial_state, self.system.initial_fault
         if rate is None:
             return None
-        return self.observer.init(rate, np.zeros(3) if fault is None else fault)
+        return self.observer.init(rate, fault=np.zeros(3) if fault is None else fault)
 
     @property
     def unseen(self) -> tuple[str, ...]:

@@ -68,7 +68,8 @@ class SvsfDesign(FilterDesign):
         """The filter."""
         gains = self.gains
         return SmoothVariableStructureFilter(
-            self.system.model, gains.boundary_layer, gains.convergence_rate, gains.inverse,
+            self.system.model, boundary_layer=gains.boundary_layer,
+            convergence_rate=gains.convergence_rate, inverse=gains.inverse,
             **rules(self.system),
         )  # fmt: skip
 

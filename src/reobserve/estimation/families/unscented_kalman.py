@@ -56,5 +56,9 @@ class UnscentedKalmanDesign(TextFilterDesign):
         """The filter."""
         gains = self.gains
         return UnscentedKalmanFilter(
-            self.system.model, gains.alpha, gains.beta, gains.kappa, **rules(self.system)
+            self.system.model,
+            alpha=gains.alpha,
+            beta=gains.beta,
+            kappa=gains.kappa,
+            **rules(self.system),
         )

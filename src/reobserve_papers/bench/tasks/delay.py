@@ -148,13 +148,14 @@ def _late_with(plant: Plant, first: int, rows: Array, variances: Array) -> Estim
 def extended(order: int, plant: Plant, s: Settings, period: float, _: float) -> Runner:
     """The observer of the paper with the Taylor series up to ``order``."""
     observer = ExtendedHighGainObserver(
-        first_order_lag(A, B), s["rho"], order, plant.bounds, s["threshold"],
+        first_order_lag(A, B), rho=s["rho"], order=order, delay_bounds=plant.bounds,
+        threshold=s["threshold"],
         sampling_period=period,
     )  # fmt: skip
 
     def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs[:, : order + 1]
-        start = observer.init(y[0], plant.middle)
+        start = observer.init(y[0], delay=plant.middle)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SwitchedOffWarning)  # slow inputs: the score shows it
             return _late(plant, 0, estimates_of(observer, "delay", y, u, state=start))
@@ -254,7 +255,7 @@ def _sampled(least: float, most: float, period: float, taps: int) -> NonlinearMo
         return np.array([[1.0, 0.0]])
 
     return NonlinearModel(
-        f, h, 1.0, 1.0, F, H, states=2, inputs=taps, outputs=1, sampling_period=period
+        f, h, 1.0, 1.0, F=F, H=H, states=2, inputs=taps, outputs=1, sampling_period=period
     )
 
 
@@ -292,8 +293,8 @@ def imm(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     count, decay = round(s["delays"]), np.exp(-A * period)
     gains = (1.0 - decay) * B / A * np.eye(count)
     filters = [
-        KalmanFilter(LinearModel([[decay]], [row], [[1.0]], None, s["process"] ** 2 * period,
-                                 noise**2, sampling_period=period))
+        KalmanFilter(LinearModel([[decay]], [row], [[1.0]], None, Q=s["process"] ** 2 * period,
+                                 R=noise**2, sampling_period=period))
         for row in gains
     ]  # fmt: skip
     rates = np.full((count, count), s["jump"] / count)
@@ -322,7 +323,13 @@ def grid(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     )
     delays, rates = np.linspace(*plant.bounds, round(s["delays"])), [-s["rate"], 0.0, s["rate"]]
     bank = GridFilter.of_delay(
-        model, delays, 0.0, s["jump"], rates, s["switch"], noise_memory=s.get("memory")
+        model,
+        delays=delays,
+        random_walk=0.0,
+        jump_rate=s["jump"],
+        rates=rates,
+        switch_rate=s["switch"],
+        noise_memory=s.get("memory"),
     )
     assert bank.periods_late is not None
     deepest = int(bank.periods_late.max()) + 1

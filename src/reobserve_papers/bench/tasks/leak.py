@@ -219,7 +219,9 @@ def _model(plant: Plant, mode: str, s: Settings, period: float, noise: float) ->
     blended = normal.blended(other, s.get("share", 1.0))
     sampled = blended.sampled("velocity", period, STATE_FREQUENCY)
     Q = s["process"] ** 2 / period * sampled.B @ sampled.B.T
-    return LinearModel(sampled.A, sampled.B, sampled.C, None, Q, noise**2, sampling_period=period)
+    return LinearModel(
+        sampled.A, sampled.B, sampled.C, None, Q=Q, R=noise**2, sampling_period=period
+    )
 
 
 def _distances(plant: Plant, s: Settings, period: float, noise: float) -> Statistic:
@@ -256,12 +258,14 @@ def bank(kind: str, plant: Plant, s: Settings, period: float, noise: float) -> S
     models = [_model(plant, mode, s, period, noise) for mode in ("normal", "friction", "leakage")]
     filters = [
         KalmanFilter(model) if kind == "kalman"
-        else SmoothVariableStructureFilter(model, s["layer"], s["memory"])
+        else SmoothVariableStructureFilter(
+            model, boundary_layer=s["layer"], convergence_rate=s["memory"]
+        )
         for model in models
     ]  # fmt: skip
     stay = math.exp(-s["leave"] * period)
     observer = IMM(filters, (1.5 * stay - 0.5) * np.eye(3) + (1.0 - stay) / 2)
-    start = observer.init(np.zeros(4), REST, [1.0, 0.0, 0.0])
+    start = observer.init(np.zeros(4), REST, probabilities=[1.0, 0.0, 0.0])
 
     def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs
@@ -276,7 +280,9 @@ def augmented(plant: Plant, s: Settings, period: float, noise: float) -> Statist
     from scipy.signal import lfilter
 
     model = _model(plant, "normal", s, period, noise)
-    observer = AugmentedKalmanFilter(model, model.B, s["walk"] ** 2 * period)
+    observer = AugmentedKalmanFilter(
+        model, fault_matrix=model.B, random_walk=s["walk"] ** 2 * period
+    )
     start = observer.init(np.zeros(4), REST, unknown_input_covariance=0.0)
     decay = math.exp(-period / s["lag"])
 

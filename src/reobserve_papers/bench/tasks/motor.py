@@ -161,11 +161,11 @@ def by_riccati(plant: Plant, s: Settings, period: float, noise: float) -> Runner
 
 
 def _extended_state(plant: Plant, system: AugmentedSystem, gains: Gains, period: float) -> Runner:
-    observer = ExtendedStateObserver(system, gains, sampling_period=period)
+    observer = ExtendedStateObserver(system, gains=gains, sampling_period=period)
 
     def run(record: TaskRecord) -> Array:
         y = record.measurements
-        start = observer.init([*y[0], *y[0], 0.0, 0.0], y[0])  # begins healthy
+        start = observer.init([*y[0], *y[0], 0.0, 0.0], filtered=y[0])  # begins healthy
         outputs = observer.run(y, record.inputs, state=start)
         return np.hstack([outputs["actuator_fault"], outputs["sensor_fault"]]) / plant.largest
 
@@ -211,8 +211,13 @@ def _augmented_filter(
     A, B = zero_order_hold(plant.motor.A, plant.motor.B, period)
     Q = np.square(s["process"] * DD @ plant.disturbance) * period
     walk = np.square([s["actuator"], s["sensor"]]) * period
-    model = LinearModel(A, B, np.eye(2), None, Q, noise**2, sampling_period=period)
-    return AugmentedKalmanFilter(model, np.hstack([B, NONE]), walk, np.hstack([NONE, FS]))
+    model = LinearModel(A, B, np.eye(2), None, Q=Q, R=noise**2, sampling_period=period)
+    return AugmentedKalmanFilter(
+        model,
+        fault_matrix=np.hstack([B, NONE]),
+        random_walk=walk,
+        output_fault_matrix=np.hstack([NONE, FS]),
+    )
 
 
 def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
@@ -225,12 +230,13 @@ def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner
     A, B = zero_order_hold(plant.motor.A, plant.motor.B, period)
     Q = DD**2 @ np.square(plant.disturbance) * plant.hold / 3.0 * period
     R = s.get("start", 1.0) * noise**2
-    model = LinearModel(A, B, np.eye(2), None, Q, R, sampling_period=period)
+    model = LinearModel(A, B, np.eye(2), None, Q=Q, R=R, sampling_period=period)
     largest = np.array(plant.largest)
     drift = np.array([s["drift_actuator"], s["drift_sensor"]]) * largest
     bank = FaultBank(
-        model, np.hstack([B, NONE]), drift, s["jump"] * largest, s["rate"], s["burst"],
-        np.hstack([NONE, FS]), noise_memory=s.get("memory"),
+        model, fault_matrix=np.hstack([B, NONE]), drift=drift, jump=s["jump"] * largest,
+        jump_rate=s["rate"], jump_time=s["burst"],
+        output_fault_matrix=np.hstack([NONE, FS]), noise_memory=s.get("memory"),
     )  # fmt: skip
 
     def run(record: TaskRecord) -> Estimates:
@@ -247,9 +253,9 @@ def with_fault_states(plant: Plant, s: Settings, period: float, _: float) -> Run
     A, B = zero_order_hold(plant.motor.A, plant.motor.B, period)
     whole = np.vstack([np.hstack([A, B, NONE]), np.eye(2, 4, 2)])
     C = np.hstack([np.eye(2), NONE, FS])
-    model = LinearModel(whole, np.vstack([B, NONE]), C, None, 0.0, 1.0, sampling_period=period)
+    model = LinearModel(whole, np.vstack([B, NONE]), C, None, Q=0.0, R=1.0, sampling_period=period)
     poles = np.exp(-period * np.array([s[f"rate_{k}"] for k in range(1, 5)]))
-    observer = FixedGainObserver(model, searched(whole, C @ whole, poles))
+    observer = FixedGainObserver(model, gain=searched(whole, C @ whole, poles))
 
     def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs

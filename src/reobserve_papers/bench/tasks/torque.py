@@ -126,21 +126,27 @@ def _observer(kind: Any) -> Callable[..., Runner]:
 
 def sampled_ilo(body: RigidBody, J: Array, s: Settings, period: float) -> SampledILO:
     """v is updated at each sample."""
-    gains = (s["K1"], s["K2"] * J, s["observer_gain"] * J)
-    return SampledILO(body, *gains, period, sampling_period=period)
+    return SampledILO(
+        body, K1=s["K1"], K2=s["K2"] * J, observer_gain=s["observer_gain"] * J,
+        update_interval=period, sampling_period=period,
+    )  # fmt: skip
 
 
 def ilo(body: RigidBody, J: Array, s: Settings, period: float) -> ILO:
     """The updating interval is rounded to samples."""
     interval = period * max(1, round(s["interval"] / period))
-    gains = (s["K1"], s["K2"] * J, s["observer_gain"] * J)
-    return ILO(body, *gains, interval, sampling_period=period)
+    return ILO(
+        body, K1=s["K1"], K2=s["K2"] * J, observer_gain=s["observer_gain"] * J,
+        update_interval=interval, sampling_period=period,
+    )  # fmt: skip
 
 
 def adaptive(body: RigidBody, J: Array, s: Settings, period: float) -> AdaptiveObserver:
     """An adaptive observer, an integrator if ``proportional`` is zero."""
-    gains = (s["observer_gain"] * J, s["integral"] * J, s["proportional"] * J)
-    return AdaptiveObserver(body, *gains, sampling_period=period)
+    return AdaptiveObserver(
+        body, observer_gain=s["observer_gain"] * J, integral_gain=s["integral"] * J,
+        proportional_gain=s["proportional"] * J, sampling_period=period,
+    )  # fmt: skip
 
 
 def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
@@ -176,11 +182,13 @@ def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
 def _augmented(plant: Plant, s: Settings, period: float, noise: float) -> AugmentedKalmanFilter:
     J_inverse = np.linalg.inv(np.array(plant.inertia))
     model = LinearModel(
-        np.eye(3), None, np.eye(3), None, s["process"] ** 2 * period, noise**2,
+        np.eye(3), None, np.eye(3), None, Q=s["process"] ** 2 * period, R=noise**2,
         sampling_period=period,
     )  # fmt: skip
     walk = s["walk"] ** 2 * period
-    return AugmentedKalmanFilter(model, period * J_inverse, walk, noise_memory=s.get("memory"))
+    return AugmentedKalmanFilter(
+        model, fault_matrix=period * J_inverse, random_walk=walk, noise_memory=s.get("memory")
+    )
 
 
 def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
@@ -190,7 +198,7 @@ def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runne
     A[:3, 3:] = np.linalg.inv(np.array(plant.inertia)) @ A[:3, 3:]
     Q = np.kron(np.diag([s["process"] ** 2 * T, 0.0, 0.0]), identity)
     Q[3:, 3:] = s["walk"] ** 2 * np.kron([[T**3 / 3, T**2 / 2], [T**2 / 2, T]], identity)
-    model = LinearModel(A, None, np.eye(3, 9), None, Q, noise**2, sampling_period=T)
+    model = LinearModel(A, None, np.eye(3, 9), None, Q=Q, R=noise**2, sampling_period=T)
     observer = KalmanFilter(model)
 
     def run(record: TaskRecord) -> Estimates:
@@ -213,8 +221,9 @@ def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner
     variances = s.get("start", 1.0) * noise**2 * (J**2).sum(axis=1)
     axes = [
         FaultBank(
-            LinearModel([[1.0]], None, [[1.0]], None, 0.0, variance, sampling_period=period),
-            [[period]], s["drift"], s["jump"], s["rate"], s["burst"],
+            LinearModel([[1.0]], None, [[1.0]], None, Q=0.0, R=variance, sampling_period=period),
+            fault_matrix=[[period]], drift=s["drift"], jump=s["jump"], jump_rate=s["rate"],
+            jump_time=s["burst"],
             noise_memory=s.get("memory"),
         )
         for variance in variances
@@ -253,7 +262,8 @@ def levant(plant: Plant, s: Settings, period: float, _: float) -> Runner:
     J = np.array(plant.inertia)
     lambdas = (s["lambda0"], 1.5, 1.1)
     axes = [
-        LevantDifferentiator(s["L"] / J[i, i], 2, lambdas, sampling_period=period) for i in range(3)
+        LevantDifferentiator(L=s["L"] / J[i, i], order=2, lambdas=lambdas, sampling_period=period)
+        for i in range(3)
     ]
 
     def run(record: TaskRecord) -> Array:

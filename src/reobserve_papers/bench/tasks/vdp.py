@@ -84,10 +84,10 @@ def _sampled(period: float, *, uncertain: bool) -> NonlinearModel:
     names = ["x1", "x2"]
     if not uncertain:
         return NonlinearModel.from_ode(
-            FIELD, ["x1"], 1.0, 1.0, state_names=names, sampling_period=period
+            FIELD, ["x1"], Q=1.0, R=1.0, state_names=names, sampling_period=period
         )
     model = NonlinearModel.from_ode(
-        UNCERTAIN, ["x1"], 1.0, 1.0, state_names=names, parameters={"a": 1.0, "b": 1.0},
+        UNCERTAIN, ["x1"], Q=1.0, R=1.0, state_names=names, parameters={"a": 1.0, "b": 1.0},
         sampling_period=period,
     )  # fmt: skip
     return model.with_parameter_states({"a": 0.0, "b": 0.0})
@@ -127,7 +127,7 @@ def normal(plant: Plant, s: Settings, period: float, _: float) -> Runner:
     frequency, ratio, order = s["frequency"], s["damping"], round(s["order"])
     pole = frequency * complex(-ratio, math.sqrt(1.0 - ratio**2))
     form = normal_form(_system(), order + 1, poles=[pole, pole.conjugate()])
-    observer = IdentityObserver(form, order, "series", sampling_period=period)
+    observer = IdentityObserver(form, order=order, gain="series", sampling_period=period)
 
     def run(record: TaskRecord) -> Array:
         y = record.measurements
@@ -141,7 +141,7 @@ _model = cache(lambda: triangular_model(["x1", "x2"], ["0", FIELD[1]], "0"))
 
 def high_gain(plant: Plant, s: Settings, period: float, _: float) -> Runner:
     """Both poles of the linear error at -``rho`` [1/s]."""
-    observer = HighGainObserver(_model(), s["rho"], sampling_period=period)
+    observer = HighGainObserver(_model(), rho=s["rho"], sampling_period=period)
 
     def run(record: TaskRecord) -> Array:
         y, start = record.measurements, observer.init([record.measurements[0, 0], 0.0])
@@ -152,7 +152,9 @@ def high_gain(plant: Plant, s: Settings, period: float, _: float) -> Runner:
 
 def levant(plant: Plant, s: Settings, period: float, _: float) -> Runner:
     """The measurement and its derivative, by order 2 with the bound ``L`` and ``lambda0``."""
-    observer = LevantDifferentiator(s["L"], 2, (s["lambda0"], 1.5, 1.1), sampling_period=period)
+    observer = LevantDifferentiator(
+        L=s["L"], order=2, lambdas=(s["lambda0"], 1.5, 1.1), sampling_period=period
+    )
     return lambda record: estimates_of(observer, "derivatives", record.measurements)[:, :2]
 
 

@@ -47,12 +47,12 @@ def build_extended(job: keys.Job, observer: keys.Extended) -> ExtendedHighGainOb
     start = observer.initial_matrix
     return ExtendedHighGainObserver(
         model,
-        observer.rho,
-        observer.order,
-        delay_bounds(job.plant),
-        observer.threshold,
-        observer.switched,
-        None if isinstance(start, str) else start,
+        rho=observer.rho,
+        order=observer.order,
+        delay_bounds=delay_bounds(job.plant),
+        threshold=observer.threshold,
+        switched=observer.switched,
+        initial_matrix=None if isinstance(start, str) else start,
         sampling_period=observer.sampling_period,
     )
 
@@ -61,7 +61,7 @@ def build_standard(job: keys.Job, observer: keys.Standard) -> HighGainObserver:
     """The standard observer that an ``observers`` branch states, or `InputError` if wrong."""
     model = build_model(job.plant, observer.model)
     as_vector("initial_estimate", observer.initial_estimate, model.states)
-    return HighGainObserver(model, observer.rho, sampling_period=observer.sampling_period)
+    return HighGainObserver(model, rho=observer.rho, sampling_period=observer.sampling_period)
 
 
 def build_estimator(job: keys.Job, observer: keys.Estimator) -> DelayEstimator:
@@ -111,7 +111,7 @@ def _extended(job: keys.Job, observer: keys.Extended, plant: Series, every: int)
     u, u_before = observer_inputs.inputs(job, observer, plant)
     run = run_on_halves(
         built, y[::every], u[::every],
-        state=built.init(observer.initial_estimate, observer.initial_delay),
+        state=built.init(observer.initial_estimate, delay=observer.initial_delay),
         y_before=y_before[::every], u_before=u_before[::every],
     )  # fmt: skip
     unit = UNITS[observer.model][0]

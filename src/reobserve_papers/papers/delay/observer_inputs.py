@@ -61,7 +61,7 @@ def differentiator(job: keys.Job, observer: keys.Extended) -> LevantDifferentiat
     L, period, lambdas = observer.levant()
     multiple("sampling", period, job.plant.step, "plant.step")
     return LevantDifferentiator(
-        L, order=keys.MAX_DERIVATIVES, lambdas=lambdas, sampling_period=period
+        L=L, order=keys.MAX_DERIVATIVES, lambdas=lambdas, sampling_period=period
     )
 
 

@@ -38,7 +38,9 @@ def measure(job: keys.Job, sine: Series) -> Iterator[Metric]:
     truth = np.column_stack([s(time)[:, 0] for s in signals[:-1]])
     late = time >= 0.5 * sine.time[-1]  # after the finite convergence time
     sizes = root_mean_square(truth[late])
-    law = LevantDifferentiator(body.L, keys.MAX_DERIVATIVES, body.lambdas, sampling_period=period)
+    law = LevantDifferentiator(
+        L=body.L, order=keys.MAX_DERIVATIVES, lambdas=body.lambdas, sampling_period=period
+    )
     run = law.run(truth[:, 0], state=law.init(np.zeros(keys.MAX_DERIVATIVES + 1)))
     shares = root_mean_square((run["derivatives"] - truth)[late]) / sizes
     for i in range(1, keys.MAX_DERIVATIVES + 1):
@@ -61,7 +63,9 @@ def _growth(
     drawn = stream.uniform(-1.0, 1.0, int(rows[-1]) + 1)[rows]
     order, errors = keys.MAX_DERIVATIVES, []
     for size in NOISES:
-        law = LevantDifferentiator(body.L, order, body.lambdas, sampling_period=body.sampling)
+        law = LevantDifferentiator(
+            L=body.L, order=order, lambdas=body.lambdas, sampling_period=body.sampling
+        )
         run = law.run(truth[:, 0] + size * drawn, state=law.init(np.zeros(order + 1)))
         errors.append(root_mean_square((run["derivatives"] - truth)[late]))
     powers = np.log(errors[1] / errors[0]) / np.log(NOISES[1] / NOISES[0])
@@ -79,7 +83,7 @@ def _in_noise(
     stream = random_stream(SEED, "delay", "theory", "derivatives")
     drawn = size * stream.standard_normal(int(rows[-1]) + 1)[rows]
     order = keys.MAX_DERIVATIVES + 1
-    law = LevantDifferentiator(body.L, order, sampling_period=body.sampling)
+    law = LevantDifferentiator(L=body.L, order=order, sampling_period=body.sampling)
     run = law.run(truth[:, 0] + drawn, state=law.init(np.zeros(order + 1)))
     errors = root_mean_square((run["derivatives"] - truth)[late])
     shares = errors / root_mean_square(truth[late])

@@ -49,8 +49,9 @@ def built(job: keys.Job, rho: float, order: int) -> ExtendedHighGainObserver:
     """The observer of Fig. 2 with another gain and order, and with the algebraic S."""
     body = _body(job)
     return ExtendedHighGainObserver(
-        build_model(job.plant, body.model), rho, order, delay_bounds(job.plant), body.threshold,
-        body.switched, sampling_period=body.sampling_period,
+        build_model(job.plant, body.model), rho=rho, order=order,
+        delay_bounds=delay_bounds(job.plant), threshold=body.threshold,
+        switched=body.switched, sampling_period=body.sampling_period,
     )  # fmt: skip
 
 
@@ -71,7 +72,7 @@ def _more_derivatives(job: keys.Job, sine: Series) -> Iterator[Metric]:
         y, u = rows_of(job, sine, order)
         for rho in job.theory.rhos:
             observer = built(job, rho, order)
-            start = observer.init(body.initial_estimate, body.initial_delay)
+            start = observer.init(body.initial_estimate, delay=body.initial_delay)
             run = run_on_halves(observer, y, u, state=start)
             error = np.column_stack([run["state"], run["delay"]]) - truth
             value = float(root_mean_square(error[chosen, -1]))
@@ -99,7 +100,7 @@ def _starts_on_the_sine(job: keys.Job, sine: Series) -> Iterator[Metric]:
     ]
     ends = []
     for start in starts:
-        run = run_on_halves(observer, y, u, state=observer.init(start[:2], start[2]))
+        run = run_on_halves(observer, y, u, state=observer.init(start[:2], delay=start[2]))
         ends.append(np.append(run["state"][-1], run["delay"][-1]))
     for name, estimates in (("starts", ends), ("guess", starts)):
         spread = float(np.max(np.ptp(estimates, axis=0)))

@@ -140,11 +140,13 @@ def _random_starts(job: keys.Job, ramp: Series) -> Iterator[Metric]:
     rows = 2 * round(end / step) + 1
     y = np.ascontiguousarray(ramp["state"][::every, 0])[:rows]
     u = np.column_stack([ramp["input"], ramp["input_derivatives"]])[::every, : body.order + 1]
-    built = ExtendedHighGainObserver(model, body.rho, body.order, bounds, sampling_period=step)
+    built = ExtendedHighGainObserver(
+        model, rho=body.rho, order=body.order, delay_bounds=bounds, sampling_period=step
+    )
     truth = np.append(ramp["state"][::every][rows - 1], ramp["delay"][::every][rows - 1])
     errors, unmoved, met = [], [], []
     for _ in range(job.theory.cases):
-        start = built.init(stream.normal(size=model.states), stream.uniform(*bounds))
+        start = built.init(stream.normal(size=model.states), delay=stream.uniform(*bounds))
         run = run_on_halves(built, y, u[:rows], state=start)
         errors.append(np.abs(np.append(run["state"][-1], run["delay"][-1]) - truth))
         unmoved.append(np.abs(start.values - truth))

@@ -118,7 +118,7 @@ def _by_chance(job: keys.Job, plant: Series) -> Iterator[Metric]:
 
     system, metrics = augmented(job.plant, 1.0), list[Metric]()
     for gains in random_gains(system):
-        observer = ExtendedStateObserver(system, gains, sampling_period=2.0 * plant.step)
+        observer = ExtendedStateObserver(system, gains=gains, sampling_period=2.0 * plant.step)
         estimate = estimates_on(observer, plant)
         metrics += scores_of(RANDOM, scores(job.metrics, plant, estimate))
         metrics += scores_of(RANDOM, corrected_speed(job.metrics, plant, estimate))

@@ -16,7 +16,9 @@ from reobserve_papers.signals.series import Channel, Series
 def build(job: keys.Job, design: Mapping[str, Any]) -> ExtendedStateObserver:
     """Construct the observer with the gains of a design, its period two steps of the plant."""
     system, certified = stored_design(job.plant, design)
-    return ExtendedStateObserver(system, certified.gains, sampling_period=2.0 * job.plant.step)
+    return ExtendedStateObserver(
+        system, gains=certified.gains, sampling_period=2.0 * job.plant.step
+    )
 
 
 def estimate(job: keys.Job, plant: Series, design: Mapping[str, Any]) -> Series:
@@ -50,6 +52,6 @@ def run_on(
     control, control_before = plant["control"][:, None], plant["control_before"][:, None]
     filtered = None if estimate is None else estimate[2:4]
     return run_on_halves(
-        observer, plant["output"], control, state=observer.init(estimate, filtered),
+        observer, plant["output"], control, state=observer.init(estimate, filtered=filtered),
         y_before=plant["output_before"], u_before=control_before,
     )  # fmt: skip

@@ -57,7 +57,9 @@ def _rows(
     with located(f"study.{body.name} at {choice} {level:g}"):
         certified = design(job.plant, body)
     system = augmented(job.plant, body.filter_rate)
-    observer = ExtendedStateObserver(system, certified.gains, sampling_period=2.0 * clean.step)
+    observer = ExtendedStateObserver(
+        system, gains=certified.gains, sampling_period=2.0 * clean.step
+    )
     run = run_on(observer, clean)
     estimate = Series(
         clean.time[::2],

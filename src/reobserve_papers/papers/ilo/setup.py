@@ -22,8 +22,10 @@ def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObser
     body, period = known_body(plant, observer.inertia_factor), observer.sampling_period
     built: RigidBodyObserver
     if isinstance(observer, keys.Adaptive):
-        gains = (observer.observer_gain, observer.integral_gain, observer.proportional_gain)
-        built = AdaptiveObserver(body, *gains, sampling_period=period)
+        built = AdaptiveObserver(
+            body, observer_gain=observer.observer_gain, integral_gain=observer.integral_gain,
+            proportional_gain=observer.proportional_gain, sampling_period=period,
+        )  # fmt: skip
     else:
         interval = observer.update_interval
         if interval > plant.horizon:
@@ -32,10 +34,12 @@ def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObser
                 f"{interval:g} s must be {plant.horizon:g} s at most, the horizon",
             )
         kind = SampledILO if isinstance(observer, keys.Sampled) else ILO
-        learning = (observer.K1, observer.K2, observer.observer_gain, interval)
-        built = kind(body, *learning, sampling_period=period)
+        built = kind(
+            body, K1=observer.K1, K2=observer.K2, observer_gain=observer.observer_gain,
+            update_interval=interval, sampling_period=period,
+        )  # fmt: skip
     stride(plant, built)
-    built.init(observer.initial_rate, observer.initial_fault)
+    built.init(observer.initial_rate, fault=observer.initial_fault)
     return built
 
 

@@ -204,11 +204,11 @@ def _slowed(runs: Runs, factor: float) -> float:
     rate, control, fault = (plant[name][::every] for name in ("rate", "control", "fault"))
     onset, axis = plant.events["onsets"][0], job.metrics.axis - 1
     change = 2 * round(0.5 * (onset + float(plant.time[-1])) / quick.sampling_period)
-    start = quick.init(observer.initial_rate, observer.initial_fault)
+    start = quick.init(observer.initial_rate, fault=observer.initial_fault)
     state = run_on_halves(quick, rate[: change + 1], control[: change + 1], state=start).state
     slow = SampledILO(
-        quick.model, observer.K1, observer.K2, observer.observer_gain,
-        factor * observer.update_interval, allow_unstable=True,
+        quick.model, K1=observer.K1, K2=observer.K2, observer_gain=observer.observer_gain,
+        update_interval=factor * observer.update_interval, allow_unstable=True,
         sampling_period=quick.sampling_period,
     )  # fmt: skip
     run = run_on_halves(

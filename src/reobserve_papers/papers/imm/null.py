@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.gaussian_state import FilterSteps
-from reobserve.observers.kalman import LINEAR, TAKES, Gain, own_gain_function
+from reobserve.observers.kalman import Gain, LinearFilter, own_gain_function
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
@@ -22,7 +19,7 @@ RANDOM_GAIN, MEASUREMENT = "random_gain", "measurement"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RandomGainFilter(GaussianFilter):
+class RandomGainFilter(LinearFilter):
     """Filter that corrects a random share, from 0 to 1, of each innovation.
 
         K = C^+ diag(s),    s uniform
@@ -32,9 +29,6 @@ class RandomGainFilter(GaussianFilter):
     """
 
     model: LinearModel
-
-    steps: ClassVar[FilterSteps] = LINEAR
-    takes: ClassVar[tuple[str, ...]] = TAKES
 
     @cached_property
     def method(self) -> Gain:

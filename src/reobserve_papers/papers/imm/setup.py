@@ -52,7 +52,7 @@ def bank(
     with _parameter_keys():
         filters = [_filter(observer, mode, period) for mode in known]
     transition = _transition(observer.self_transition, len(known))
-    return IMM(filters, transition, observer.mixing)
+    return IMM(filters, transition, mixing=observer.mixing)
 
 
 def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> GaussianFilter:
@@ -65,7 +65,12 @@ def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> Gaus
     if isinstance(observer, keys.Kalman):
         return KalmanFilter(model)
     layer = boundary_layer(observer, model.outputs)
-    return SmoothVariableStructureFilter(model, layer, observer.convergence_rate, observer.inverse)
+    return SmoothVariableStructureFilter(
+        model,
+        boundary_layer=layer,
+        convergence_rate=observer.convergence_rate,
+        inverse=observer.inverse,
+    )
 
 
 def _model(mode: SampledActuator, Q: Any, R: Any, period: float) -> LinearModel:
@@ -75,7 +80,7 @@ def _model(mode: SampledActuator, Q: Any, R: Any, period: float) -> LinearModel:
     y(k)   = C x(k) + [0 D] [u(k), u(k-1)]'
     """
     B, D = np.hstack([mode.B, np.zeros_like(mode.B)]), np.hstack([np.zeros_like(mode.D), mode.D])
-    return LinearModel(mode.A, B, mode.C, D, Q, R, sampling_period=period)
+    return LinearModel(mode.A, B, mode.C, D, Q=Q, R=R, sampling_period=period)
 
 
 def stacked_inputs(held: Array) -> Array:
@@ -144,7 +149,7 @@ def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> ImmState:
     with _parameter_keys():
         rest = np.zeros(chosen.filters[0].model.states)
         certain = np.eye(len(chosen.filters))[0] if observer.initial_mode == "normal" else None
-        return chosen.init(rest, observer.initial_covariance, certain, u=[held, 0.0])
+        return chosen.init(rest, observer.initial_covariance, probabilities=certain, u=[held, 0.0])
 
 
 @contextmanager

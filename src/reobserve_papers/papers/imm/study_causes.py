@@ -160,7 +160,7 @@ def variants(whole: IMM) -> dict[str, IMM]:
     }
     return {
         INTACT: whole,
-        **{name: IMM(new, whole.transition, whole.mixing) for name, new in changed.items()},
+        **{name: IMM(new, whole.transition, mixing=whole.mixing) for name, new in changed.items()},
     }
 
 
@@ -173,12 +173,12 @@ def frozen(
         gains = mean_gains(bank, innovation, rows, weighted=variant == WEIGHTED)
         try:
             filters = [
-                FixedGainObserver(cast(KalmanFilter, member).model, gain)
+                FixedGainObserver(cast(KalmanFilter, member).model, gain=gain)
                 for member, gain in zip(bank.filters, gains, strict=True)
             ]
         except InputError:  # the error would not decay
             continue
-        banks[variant] = IMM(filters, bank.transition, bank.mixing)
+        banks[variant] = IMM(filters, bank.transition, mixing=bank.mixing)
     return banks
 
 

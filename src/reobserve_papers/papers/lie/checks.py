@@ -32,7 +32,7 @@ def _theory(job: keys.Job, forms: Mapping[str, NormalForm]) -> None:
     as_vector("initial_state", job.theory.initial_state, forms["linear"].S.variables)
     theory.siegel(job.theory)
     with located("compared_order"):
-        IdentityObserver(forms["linear"], job.theory.compared_order, sampling_period=1.0)
+        IdentityObserver(forms["linear"], order=job.theory.compared_order, sampling_period=1.0)
 
 
 def _metrics(job: keys.Job) -> None:

@@ -201,7 +201,7 @@ def _with_cubic(
     injected = replace(design, injection=[*design.injection, *terms])
     problem = build_problem(job.plant, injected, degree=body.order + 1)
     form = normal_form(problem.system, problem.degree, injection=problem.injection)
-    return IdentityObserver(form, body.order, body.gain, sampling_period=step)
+    return IdentityObserver(form, order=body.order, gain=body.gain, sampling_period=step)
 
 
 def _records(
@@ -240,8 +240,8 @@ def _observers(
     for order in study.orders:
         with located("studies.ensemble.orders"):
             for gain in GAINS:
-                observer = IdentityObserver(form, order, gain, sampling_period=step)
+                observer = IdentityObserver(form, order=order, gain=gain, sampling_period=step)
                 built.append((gain, order, observer))
-            other = TransformedObserver(form, order, sampling_period=step)
+            other = TransformedObserver(form, order=order, sampling_period=step)
             built.append(("transformed", order, other))
     return built

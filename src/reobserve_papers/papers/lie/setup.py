@@ -85,6 +85,6 @@ def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObser
     as_vector("initial_estimate", observer.initial_estimate, form.problem.system.states)
     if isinstance(observer, keys.Identity):
         return IdentityObserver(
-            form, observer.order, observer.gain, sampling_period=observer.sampling_period
+            form, order=observer.order, gain=observer.gain, sampling_period=observer.sampling_period
         )
-    return TransformedObserver(form, observer.order, sampling_period=observer.sampling_period)
+    return TransformedObserver(form, order=observer.order, sampling_period=observer.sampling_period)

@@ -43,4 +43,4 @@ def check_study(study: keys.Study, form: NormalForm) -> None:
     if isinstance(study, keys.OrdersStudy | keys.EnsembleStudy):
         for order in study.orders:
             with located("orders"):
-                IdentityObserver(form, order, sampling_period=1.0)
+                IdentityObserver(form, order=order, sampling_period=1.0)

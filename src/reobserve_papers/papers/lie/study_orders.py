@@ -43,7 +43,7 @@ def run(
         for order in study.orders:
             with located("studies.orders"):
                 observer = IdentityObserver(
-                    form, order, gain, sampling_period=model.sampling_period
+                    form, order=order, gain=gain, sampling_period=model.sampling_period
                 )
             rows += _errors(job, plant, gain, order, observer, model.initial_estimate)
             rows.append(_exponent(cycle, where, form, gain, order, gain))

@@ -327,10 +327,12 @@ def _outcomes(
     steps = multiple("compared_duration", theory.compared_duration, step, "compared_period")
     with located("compared_order"):
         observers = {
-            "constant": IdentityObserver(form, 0, sampling_period=step),
-            "identity": IdentityObserver(form, order, theory.compared_gain, sampling_period=step),
-            "transformed": TransformedObserver(form, order, sampling_period=step),
-            "nonlinear": IdentityObserver(injected, 0, sampling_period=step),
+            "constant": IdentityObserver(form, order=0, sampling_period=step),
+            "identity": IdentityObserver(
+                form, order=order, gain=theory.compared_gain, sampling_period=step
+            ),
+            "transformed": TransformedObserver(form, order=order, sampling_period=step),
+            "nonlinear": IdentityObserver(injected, order=0, sampling_period=step),
         }
     plant = PolynomialPlant(build_system(job.plant))
     estimate = np.array(body.initial_estimate)

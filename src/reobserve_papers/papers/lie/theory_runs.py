@@ -51,7 +51,7 @@ def deviation_from_linear(form: NormalForm, order: int, case: Case) -> float:
     from scipy.linalg import expm
 
     states, output = case.record(form)
-    observer = TransformedObserver(form, order, sampling_period=case.sampling_period)
+    observer = TransformedObserver(form, order=order, sampling_period=case.sampling_period)
     run = _run(observer, output, case)
     if run.diverged_at is not None:
         return float("nan")
@@ -74,8 +74,10 @@ def difference_of_forms(form: NormalForm, order: int, case: Case) -> float:
     runs = [
         _run(observer, output, case)
         for observer in (
-            TransformedObserver(form, order, sampling_period=case.sampling_period),
-            IdentityObserver(form, order, "jacobian", sampling_period=case.sampling_period),
+            TransformedObserver(form, order=order, sampling_period=case.sampling_period),
+            IdentityObserver(
+                form, order=order, gain="jacobian", sampling_period=case.sampling_period
+            ),
         )
     ]
     if any(run.diverged_at is not None for run in runs):

@@ -202,7 +202,7 @@ def test_invalid_pole_is_refused(text: str) -> None:
 def test_rigid_body_starts_from_the_stated_rate_and_fault(kind: str) -> None:
     rate, fault = [0.1, -0.2, 0.3], [0.5, 0.0, -0.5]
     built = design(kind, initial_state=rate, initial_fault=fault)
-    wanted = built.observer.init(rate, fault)
+    wanted = built.observer.init(rate, fault=fault)
     found = built.start()
     assert np.array_equal(found.rate, wanted.rate)
     y, u = np.tile(rate, (3, 1)), np.zeros((3, 3))

@@ -23,7 +23,8 @@ def linear_model() -> LinearModel:
 def swing() -> NonlinearModel:
     """A pendulum as text: two states, one input, one output."""
     return NonlinearModel.from_ode(
-        ["rate", "torque - 9.81*sin(angle)"], "angle", 1e-4, 1e-2, state_names=["angle", "rate"],
+        ["rate", "torque - 9.81*sin(angle)"], "angle", Q=1e-4, R=1e-2,
+        state_names=["angle", "rate"],
         input_names=["torque"], sampling_period=0.01,
     )  # fmt: skip
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.gaussian_state import Gaussian
 from reobserve.observers.grid_filter import GridFilter
 from reobserve.observers.imm import IMM
@@ -76,20 +73,6 @@ def _from_state(
     yield method(observer, "step", state, y[0], u[0], takes=takes)
 
 
-def sampled(kind: Callable[..., object], count: int) -> Callable[..., object]:
-    """A constructor with the sampling period as the last of this many positional arguments."""
-
-    def construct(*arguments: Any) -> object:
-        return kind(*arguments[:-1], sampling_period=arguments[-1])
-
-    own = inspect.signature(kind).parameters
-    period = own["sampling_period"].replace(kind=inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    others = [one for one in own.values() if one.kind is one.POSITIONAL_OR_KEYWORD]
-    bare = [one.replace(default=inspect.Parameter.empty) for one in (*others[: count - 1], period)]
-    construct.__signature__ = inspect.Signature(bare)  # type: ignore[attr-defined]
-    return construct
-
-
 def _observers() -> Iterator[Call]:
     body, swing = RigidBody(INERTIA), pendulum()
     rates = np.column_stack([0.01 * np.sin(HALF), 0 * HALF, 0 * HALF])
@@ -106,8 +89,7 @@ def _observers() -> Iterator[Call]:
         "extended_state.ExtendedStateObserver": (augmented(), gains(), 0.01),
     }
     for name, arguments in made.items():
-        (plain,) = called({f"observers.{name}": arguments})
-        call = replace(plain, function=sampled(plain.function, len(arguments)))
+        (call,) = called({f"observers.{name}": arguments})
         yield call
         observer: Any = call.function(*arguments)
         if "model" in vars(observer) and arguments[0] is body:
@@ -121,7 +103,7 @@ def _observers() -> Iterator[Call]:
             yield from _recorded(observer, ([0.0] * 3,), cosine)
         else:
             yield method(observer, "init", np.zeros(6), np.zeros(2))
-            state = observer.init(np.zeros(6), np.zeros(2))
+            state = observer.init(np.zeros(6), filtered=np.zeros(2))
             yield from _from_state(observer, state, np.zeros((20, 2)), np.ones((20, 1)))
 
 
@@ -185,12 +167,13 @@ def _banks(model: Any, y: Any, u: Any) -> Iterator[Call]:
     faults = (model, [[0.0], [0.01]], 0.1, 1.0, 0.1, 0.1)
     (made,) = called({"observers.fault_bank.FaultBank": faults})
     yield made
-    bank: Any = FaultBank(*faults)
+    bank: Any = made.function(*faults)
     yield method(bank, "init", [0.0, 0.0], 1e-2, [0.1], 1e-2, 1e-2)
     yield from _from_state(bank, bank.init([0.0, 0.0], 1e-2), y, u, MISSING)
     delays = (model, [0.0, 1.0, 3.0], 0.1, 0.1, [-0.1, 0.1], 0.2)
-    yield from called({"observers.grid_filter.GridFilter.of_delay": delays})
-    grid = GridFilter.of_delay(*delays)
+    (made,) = called({"observers.grid_filter.GridFilter.of_delay": delays})
+    yield made
+    grid: Any = made.function(*delays)
     yield method(grid, "init", [0.0, 0.0], 1e-2, [0.2, 0.3, 0.1, 0.2, 0.1, 0.1])
     yield from _from_state(grid, grid.init([0.0, 0.0], 1e-2), y, u, MISSING)
 
@@ -198,8 +181,9 @@ def _banks(model: Any, y: Any, u: Any) -> Iterator[Call]:
         grid: Any, random_walk: Any, jump_rate: Any, rates: Any, switch_rate: Any
     ) -> object:
         return GridFilter.of_parameter(
-            lambda a: LinearModel([[a]], C=[[1]], Q=1e-2, R=0.1), grid, random_walk, jump_rate,
-            rates, switch_rate,
+            lambda a: LinearModel([[a]], C=[[1]], Q=1e-2, R=0.1), grid=grid,
+            random_walk=random_walk, jump_rate=jump_rate,
+            rates=rates, switch_rate=switch_rate,
         )  # fmt: skip
 
     name = "observers.grid_filter.GridFilter"
@@ -218,7 +202,7 @@ def _nonlinear_filters() -> Iterator[Call]:
         output_names: Any, parameters: Any, scale: Any, sampling_period: Any, substeps: Any,
     ) -> NonlinearModel:  # fmt: skip
         return NonlinearModel(
-            f, h, Q, R, F, H, state_names=state_names, input_names=input_names,
+            f, h, Q, R, F=F, H=H, state_names=state_names, input_names=input_names,
             output_names=output_names, parameters=parameters, scale=scale,
             sampling_period=sampling_period, substeps=substeps,
         )  # fmt: skip
@@ -235,7 +219,13 @@ def _nonlinear_filters() -> Iterator[Call]:
 
     def integrated(f: Any, h: Any, Q: Any, R: Any, sampling_period: Any, substeps: Any) -> object:
         return NonlinearModel.from_ode(
-            f, h, Q, R, sampling_period=sampling_period, substeps=substeps, state_names=["a", "w"]
+            f,
+            h,
+            Q=Q,
+            R=R,
+            sampling_period=sampling_period,
+            substeps=substeps,
+            state_names=["a", "w"],
         )
 
     name = "systems.nonlinear.NonlinearModel.from_ode"
@@ -319,9 +309,8 @@ def _normal_forms() -> Iterator[Call]:
         "observers.normal_form_identity.IdentityObserver": (series, 2, "series", 0.01),
         "observers.normal_form_transformed.TransformedObserver": (series, 2, 0.01),
     }):  # fmt: skip
-        construct = sampled(call.function, len(call.arguments))
-        yield replace(call, function=construct)
-        yield from _recorded(construct(*call.arguments), ([0.1, 0.0],), y)
+        yield call
+        yield from _recorded(call.function(*call.arguments), ([0.1, 0.0],), y)
     # Its series converge up to 1.
     known = PolynomialSystem.from_expressions(["x + x**2"], ["x"], ["x"], 2)
     S = normal_form(known, 13, poles=[-0.5]).S

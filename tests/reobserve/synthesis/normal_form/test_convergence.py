@@ -169,7 +169,7 @@ def test_domain_warning_states_distance_duration_and_time() -> None:
 
 
 def test_check_domain_warns_and_returns_the_sentence() -> None:
-    observer = IdentityObserver(scalar(1, 1, -0.5, 13), 4, sampling_period=0.1)
+    observer = IdentityObserver(scalar(1, 1, -0.5, 13), order=4, sampling_period=0.1)
     inside, outside = (
         Run(np.arange(2.0), {"state": np.array([[0.0], [top]])}, {}, NormalFormState(np.zeros(1)))
         for top in (0.9, 1.1)

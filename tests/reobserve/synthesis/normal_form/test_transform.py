@@ -85,8 +85,8 @@ def test_one_call_agrees_with_the_stepwise_construction(gain: str) -> None:
     injection = injection_for(system, [-1.2, -2.1])
     series = normal_form(system, 5, injection=PolynomialMap.linear(injection))
     by_hand: list[NormalFormObserver] = [
-        IdentityObserver(series, 4, gain, sampling_period=0.02),
-        TransformedObserver(series, 4, sampling_period=0.02),
+        IdentityObserver(series, order=4, gain=gain, sampling_period=0.02),
+        TransformedObserver(series, order=4, sampling_period=0.02),
     ]
     for form, other in zip(("identity", "transformed"), by_hand, strict=True):
         how: dict[str, Any] = {"order": 4, "sampling_period": 0.02, "form": form, "gain": gain}

@@ -94,7 +94,7 @@ def test_gain_with_c_transposed_is_a_vector_and_places_all_poles_at_minus_rho(si
         assert gain == pytest.approx(high_gain(size, rho), rel=1e-9)
         polynomial = np.poly(error_matrix(gain))
         assert polynomial == pytest.approx(np.poly(np.full(size, -rho)), rel=1e-9)
-    assert HighGainObserver(PENDULUM.model, 5.0, sampling_period=STEP).gain == pytest.approx(
+    assert HighGainObserver(PENDULUM.model, rho=5.0, sampling_period=STEP).gain == pytest.approx(
         [10, 25]
     )
     assert observer(Case("ramp", 5.0, 2), STEP)._gains(np.zeros(1))[0].tolist() == [15, 75, 125]
@@ -126,9 +126,14 @@ def test_printed_differentiator_fails_in_the_observer_even_without_noise() -> No
     y, exact = record("sine", STEP, 60.0)
     found = {}
     for printed in (False, True):
-        law = LevantDifferentiator(0.11, 2, (3.0, 1.5, 1.0), printed, sampling_period=0.5 * STEP)
+        law = LevantDifferentiator(
+            L=0.11, order=2, lambdas=(3.0, 1.5, 1.0), printed=printed, sampling_period=0.5 * STEP
+        )
         rates = law.run(exact[:, 0], state=law.init(np.zeros(3)))["derivatives"][:, 1:]
-        inputs, start = np.column_stack([exact[:, 0], rates]), built.init([0.0, 0.0], FIRST_DELAY)
+        inputs, start = (
+            np.column_stack([exact[:, 0], rates]),
+            built.init([0.0, 0.0], delay=FIRST_DELAY),
+        )
         delay = run_on_halves(built, y, inputs, state=start)["delay"]
         error = delay - PROFILE(STEP * np.arange(len(delay)))[:, 0]
         found[printed] = rms_of(seconds(error, 5, 60))
@@ -238,8 +243,10 @@ def late_delays(states: int, order: int, rho: float, control: Signal) -> tuple[A
     x = DelayedInputPlant(MODELS[states]).simulate(
         np.full(states, 0.1), control, signal(constant(TRUE_DELAY)), 0.5 * STEP, len(time) - 1
     )
-    built = ExtendedHighGainObserver(MODELS[states], rho, order, (0.0, 1.5), sampling_period=STEP)
-    start = built.init(np.zeros(states), FIRST_DELAY)
+    built = ExtendedHighGainObserver(
+        MODELS[states], rho=rho, order=order, delay_bounds=(0.0, 1.5), sampling_period=STEP
+    )
+    start = built.init(np.zeros(states), delay=FIRST_DELAY)
     run = run_on_halves(built, x[:, 0], with_derivatives(control, order, time), state=start)
     return time[::2][-2000:], run["delay"][-2000:]
 
@@ -296,7 +303,7 @@ def test_form_called_upper_triangular_must_be_lower_triangular() -> None:
         model = TriangularModel(2, _upper_drift, _swinging_gain, np.array([factor]))
         plant = DelayedInputPlant(model)
         x = plant.simulate([0, 1], signal(sine(1, 1)), signal(constant(0)), 0.5 * STEP, 4000)
-        built = HighGainObserver(model, 5.0, sampling_period=STEP)
+        built = HighGainObserver(model, rho=5.0, sampling_period=STEP)
         estimate = run_on_halves(built, x[:, 0], known, state=built.init([0, 0]))["state"]
         found.append(np.max(np.abs(estimate[-1] - x[-1])))
     assert found[0] < 1e-8
@@ -310,16 +317,28 @@ def test_threshold_of_example_1_switches_off_the_observer_of_example_2() -> None
     u, at = with_derivatives(SINE, 2, time), time[::2]
     for order in (1, 2):
         built = ExtendedHighGainObserver(
-            LAG.model, 5.0, order, (0.0, 1.5), 0.7, sampling_period=STEP
+            LAG.model,
+            rho=5.0,
+            order=order,
+            delay_bounds=(0.0, 1.5),
+            threshold=0.7,
+            sampling_period=STEP,
         )
-        start = built.init([0.0], FIRST_DELAY)
+        start = built.init([0.0], delay=FIRST_DELAY)
         with pytest.warns(SwitchedOffWarning, match="100 %"):
             run = run_on_halves(built, x, u[:, : order + 1], state=start)
         assert np.all(run["delay"] == FIRST_DELAY)
-    scaled = ExtendedHighGainObserver(LAG.model, 5.0, 2, (0.0, 1.5), 0.7 / 20, sampling_period=STEP)
+    scaled = ExtendedHighGainObserver(
+        LAG.model,
+        rho=5.0,
+        order=2,
+        delay_bounds=(0.0, 1.5),
+        threshold=0.7 / 20,
+        sampling_period=STEP,
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error", SwitchedOffWarning)
-        delay = run_on_halves(scaled, x, u, state=scaled.init([0.0], FIRST_DELAY))["delay"]
+        delay = run_on_halves(scaled, x, u, state=scaled.init([0.0], delay=FIRST_DELAY))["delay"]
     error = delay - PROFILE(at)[:, 0]
     spans = ((12, 20), (32, 40), (52, 60), (66, 120))
     rms = [rms_of(seconds(error, *span)) for span in spans]

@@ -269,7 +269,7 @@ def test_differentiator_of_sliding_order_two_has_no_second_derivative() -> None:
     """That of 1993; (37) needs z2, and is the second member of the family of 2003."""
     time = np.arange(0.0, 60.0, 1e-3)
     for order, lambdas in ((1, (1.5, 1.0)), (2, (3.0, 1.5, 1.0))):
-        law = LevantDifferentiator(0.11, order, lambdas, sampling_period=1e-3)
+        law = LevantDifferentiator(L=0.11, order=order, lambdas=lambdas, sampling_period=1e-3)
         found = law.run(np.sin(0.2 * time), state=law.init(np.zeros(order + 1)))["derivatives"]
         assert found.shape[1] == order + 1
         assert found[-1, 1] == pytest.approx(0.2 * np.cos(12.0), abs=2e-3)

@@ -61,7 +61,7 @@ KINDS = (
 
 def at_rest(model: AugmentedSystem, gains: Gains, y: Array, u: float) -> Array:
     """x, fa and fs after 40 s, estimated by an observer with this model of the plant."""
-    observer = ExtendedStateObserver(model, gains, sampling_period=0.05)
+    observer = ExtendedStateObserver(model, gains=gains, sampling_period=0.05)
     run = observer.run(np.tile(y, (800, 1)), np.full((800, 1), u))
     return np.hstack([run["state"][-1], run["actuator_fault"][-1], run["sensor_fault"][-1]])
 
@@ -240,7 +240,7 @@ def test_norm_gives_no_bound_for_a_jumping_fault(column: int, limit: float) -> N
 
 
 def test_estimate_is_unchanged_immediately_after_a_jump() -> None:
-    observer = ExtendedStateObserver(SYSTEM, optimised().gains, sampling_period=1e-6)
+    observer = ExtendedStateObserver(SYSTEM, gains=optimised().gains, sampling_period=1e-6)
     y = np.tile([1.0, 0.0], (2, 1))  # fs = 1 from now on
     found = observer.run(y, np.zeros((2, 1)))
     assert np.abs(found["sensor_fault"]).max() < 1e-4

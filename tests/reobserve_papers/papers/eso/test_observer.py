@@ -35,12 +35,12 @@ def observed(run: MotorRun, gains: Gains, step: float, known: str = "middles") -
     """Estimates from a simulated motor: at each step, or each second one with midpoints."""
     after, before = run.after, run.before
     if known == "middles":
-        observer = ExtendedStateObserver(SYSTEM, gains, sampling_period=2 * step)
+        observer = ExtendedStateObserver(SYSTEM, gains=gains, sampling_period=2 * step)
         return run_on_halves(
             observer, after.output, after.control, state=observer.init(),
             y_before=before.output, u_before=before.control,
         )  # fmt: skip
-    observer = ExtendedStateObserver(SYSTEM, gains, sampling_period=step)
+    observer = ExtendedStateObserver(SYSTEM, gains=gains, sampling_period=step)
     limits = None if known == "samples" else (before.output, before.control)
     return observer.run(after.output, after.control, state=observer.init(), before=limits)
 

@@ -225,7 +225,7 @@ def test_both_observers_can_be_designed_by_both_criteria() -> None:
 
 
 def by_hand(found: Series, gains: Gains, rate: float) -> Run[EsoState]:
-    observer = ExtendedStateObserver(dc_motor(Az=rate), gains, sampling_period=1e-3)
+    observer = ExtendedStateObserver(dc_motor(Az=rate), gains=gains, sampling_period=1e-3)
     y, u = found["output"], found["control"][:, None]
     before = found["output_before"][::2], found["control_before"][::2, None]
     middle = np.insert(y[1::2], 0, 9.0, axis=0), np.insert(u[1::2], 0, 9.0, axis=0)

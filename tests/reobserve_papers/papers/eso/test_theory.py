@@ -313,7 +313,7 @@ def test_error_under_a_sine_agrees_with_simulation(observer: str, fault: str) ->
     record = plant_stage.simulate(
         typed({"plant": stated["plant"], "scenario": scenario, "seed": 0})
     )
-    estimator = ExtendedStateObserver(dc_motor(), gains_of(observer), sampling_period=1e-3)
+    estimator = ExtendedStateObserver(dc_motor(), gains=gains_of(observer), sampling_period=1e-3)
     found = run_on(estimator, record)[f"{fault}_fault"][:, 0]
     # A sine with free phase fitted to the errors of the last seconds.
     time = record.time[::2][-8001:]
@@ -383,7 +383,7 @@ def test_error_after_a_jump_agrees_with_simulation(observer: str, fault: str) ->
     record = plant_stage.simulate(
         typed({"plant": settings()["plant"], "scenario": {**faults, **quiet}, "seed": 0})
     )
-    estimator = ExtendedStateObserver(dc_motor(), gains_of(observer), sampling_period=1e-3)
+    estimator = ExtendedStateObserver(dc_motor(), gains=gains_of(observer), sampling_period=1e-3)
     run = run_on(estimator, record, [0.0] * 6)
     error = np.abs(run[f"{fault}_fault"][:, 0] - 1.0)[record.time[::2] > 2.0 - 1e-9]
     assert numbers()[observer, f"left_of_{fault}_jump"] == pytest.approx(error.max(), rel=1e-4)

@@ -44,7 +44,14 @@ def test_input_of_equation_3_is_the_estimate() -> None:
     step, steps, delay = 1e-3, 4000, 10
     nothing, fault = Signal(3, ()), Signal.parse("fault", STUCK, 3)
     rate = Satellite(INERTIA).simulate(np.zeros(3), nothing, fault, step / 2, 2 * steps)
-    observer = ILO(RigidBody(INERTIA), 0.9, 2000.0, 10.0, delay * step, sampling_period=step)
+    observer = ILO(
+        RigidBody(INERTIA),
+        K1=0.9,
+        K2=2000.0,
+        observer_gain=10.0,
+        update_interval=delay * step,
+        sampling_period=step,
+    )
     run = run_on_halves(observer, rate, np.zeros_like(rate), state=observer.init(np.zeros(3)))
     v, seen = run["fault"], 2000.0 * (rate[::2] - run["rate"])
     assert v[delay:] == pytest.approx(0.9 * v[:-delay] + seen[delay:], abs=1e-9)
@@ -108,7 +115,13 @@ def test_adaptive_observer_identifies_a_constant_fault() -> None:
     step, steps = 1e-3, 10_000
     nothing, fault = Signal(3, ()), Signal.parse("fault", STUCK, 3)
     rate = Satellite(INERTIA).simulate(np.zeros(3), nothing, fault, step / 2, 2 * steps)
-    observer = AdaptiveObserver(RigidBody(INERTIA), 100.0, 100.0, 0.0, sampling_period=step)
+    observer = AdaptiveObserver(
+        RigidBody(INERTIA),
+        observer_gain=100.0,
+        integral_gain=100.0,
+        proportional_gain=0.0,
+        sampling_period=step,
+    )
     run = run_on_halves(observer, rate, np.zeros_like(rate), state=observer.init(np.zeros(3)))
     found = run["fault"][:, 0]
     assert abs(found[-1] - 0.5) < 1e-3

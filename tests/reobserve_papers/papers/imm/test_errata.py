@@ -108,7 +108,7 @@ def printed_gain(e: Array, last: Array, psi: Array, gamma: float) -> Array:
 
 
 def smooth(model: LinearModel, psi: Any, gamma: float = 0.1) -> SmoothVariableStructureFilter:
-    return SmoothVariableStructureFilter(model, psi, gamma)
+    return SmoothVariableStructureFilter(model, boundary_layer=psi, convergence_rate=gamma)
 
 
 def test_equation_15_without_the_pseudo_inverse_needs_as_many_outputs_as_states() -> None:

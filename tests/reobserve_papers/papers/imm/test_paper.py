@@ -232,12 +232,14 @@ def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[ImmState]]:
         Q, R = np.diag(body["process_noise"]), np.diag(body["measurement_noise"])
         # Inputs are u from each row on, which drives the state, and u up to it, which is measured.
         B, D = np.pad(one.B, ((0, 0), (0, 1))), np.pad(one.D, ((0, 0), (1, 0)))
-        model = LinearModel(one.A, B, one.C, D, Q, R, sampling_period=found.step)
+        model = LinearModel(one.A, B, one.C, D, Q=Q, R=R, sampling_period=found.step)
         if body["algorithm"] == "kalman":
             filters.append(KalmanFilter(model))
         else:
             layer = 0.5 * np.array(body["boundary_layer"])
-            filters.append(SmoothVariableStructureFilter(model, layer, 0.2))
+            filters.append(
+                SmoothVariableStructureFilter(model, boundary_layer=layer, convergence_rate=0.2)
+            )
     off = (1 - 0.97) / 2
     chain = [[0.97, off, off], [off, 0.97, off], [off, off, 0.97]]
     bank = IMM(filters, chain)

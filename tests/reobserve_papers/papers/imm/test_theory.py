@@ -222,7 +222,7 @@ def test_only_a_priori_errors_leave_the_layers() -> None:
     layer = rules["layer_share"] * np.abs(leaking - healthy)[begin:].max(axis=0)
     job = job_of(fixed_parameters("imm"), "observe", "svsf")
     model = cast(GaussianFilter, observe.build(job, rules["period"]).filters[0]).model
-    one = SmoothVariableStructureFilter(model, layer, 0.1)
+    one = SmoothVariableStructureFilter(model, boundary_layer=layer, convergence_rate=0.1)
     run = one.run(leaking, stacked_inputs(control), state=one.init([0.0] * 5, 1.0, u=[0.0, 0.0]))
     late = slice((begin + len(leaking)) // 2, None)
     ratio = np.abs(run["innovation"][late]) / layer
@@ -300,7 +300,7 @@ def test_informed_states_are_those_of_a_filter_run_by_hand() -> None:
     layer = np.abs(leaking - healthy)[begin:].max(axis=0)
     job = job_of(fixed_parameters("imm"), "observe", "svsf")
     model = cast(GaussianFilter, observe.build(job, rules["period"]).filters[0]).model
-    one = SmoothVariableStructureFilter(model, layer, 0.1)
+    one = SmoothVariableStructureFilter(model, boundary_layer=layer, convergence_rate=0.1)
     run = one.run(leaking, stacked_inputs(control), state=one.init([0.0] * 5, 1.0, u=[0.0, 0.0]))
     outputs = run["state"] @ model.C.T + stacked_inputs(control) @ model.D.T
     size = np.sqrt(np.mean((outputs - leaking)[begin:] ** 2, axis=0))
