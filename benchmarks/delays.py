@@ -19,7 +19,7 @@ from benchmarks.report import Check, Row, Section, seconds
 from benchmarks.timing import interleaved
 from reobserve.core.value import for_loop
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
-from reobserve.observers.extended_high_gain_loop import run as observer_loop
+from reobserve.observers.extended_high_gain import _run as observer_loop
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve_papers.plants.delayed_input import DelayedInputPlant, _simulate, delayed
 from reobserve_papers.signals.inputs import Signal
@@ -28,6 +28,7 @@ from reobserve_papers.signals.random_streams import held_normal, random_stream
 Array = NDArray[np.float64]
 
 _PARAMETERS = for_loop(MODEL.parameters)
+_MODEL = (_PARAMETERS, MODEL.drift, MODEL.input_gain)  # as the observer's loop takes it
 
 HORIZON, STEP = 120.0, 1e-3
 STEPS = round(HORIZON / STEP)
@@ -149,7 +150,6 @@ def _observer_against_c(
     states, by_c = np.empty((STEPS + 1, 3)), np.empty((STEPS + 1, 3))
     off, off_by_c = np.zeros(STEPS), np.zeros(STEPS)
     states[0] = by_c[0] = start.values
-    limits = np.array([*_BOUNDS, threshold])
     function = library.observer
     function.restype = ctypes.c_long
     samples = pointer(record)
@@ -158,8 +158,8 @@ def _observer_against_c(
         pointer(off_by_c),
     )  # fmt: skip
     loop = partial(
-        observer_loop, MODEL.drift, MODEL.input_gain, _PARAMETERS, _ORDER, 1, limits, STEP,
-        record, record, states, off,
+        observer_loop, _MODEL, (0, 0), _ORDER, 1, (*_BOUNDS, threshold), STEP, record, record,
+        states, off,
     )  # fmt: skip
     times = interleaved(
         {"run": lambda: run_on_halves(observer, y, u, state=start), "loop": loop, "C": call},
@@ -247,7 +247,7 @@ def _many_runs(section: Section, runs: int, repeats: int) -> None:
     steps = round(HORIZON / _COARSE)
     y, u = _record("sine", _COARSE, steps)
     observer = _observer(0.7, _COARSE)
-    start, limits = observer.init(_START[1], delay=_START[2]), np.array([*_BOUNDS, 0.7])
+    start, limits = observer.init(_START[1], delay=_START[2]), (*_BOUNDS, 0.7)
     stream = random_stream(0, "benchmark")
     # Eight records, each used many times: drawing is not what is measured.
     samples = []
@@ -268,8 +268,7 @@ def _many_runs(section: Section, runs: int, repeats: int) -> None:
         states[0] = start.values
         right, left = records[number % len(samples)]
         observer_loop(
-            MODEL.drift, MODEL.input_gain, _PARAMETERS, _ORDER, 1, limits, _COARSE, right,
-            left, states, off,
+            _MODEL, (0, 0), _ORDER, 1, limits, _COARSE, right, left, states, off
         )  # fmt: skip
         return float(states[-1, 2])
 

@@ -11,8 +11,13 @@ from reobserve.codegen.programs.derivatives import SmoothSignal
 from reobserve.codegen.programs.right_hand_sides import right_hand_sides
 from reobserve.codegen.programs.sampling import runge_kutta
 from reobserve.core.errors import InputError
-from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, ExtendedHighGainState
-from reobserve.observers.extended_high_gain_loop import MAX_CHANGES, MAX_TRIALS, NEAREST
+from reobserve.observers.extended_high_gain import (
+    MAX_CHANGES,
+    MAX_TRIALS,
+    NEAREST,
+    ExtendedHighGainObserver,
+    ExtendedHighGainState,
+)
 from reobserve.synthesis.high_gain_design import high_gain
 
 
