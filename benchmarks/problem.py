@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.ilo import ILO
-from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.ilo import ILO, SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyRecord, RigidBodyRows, RigidBodyState
 from reobserve.systems.rigid_body import RigidBody
 

@@ -18,15 +18,15 @@ from reobserve.observers.fixed_gain import steady_kalman as steady_kalman
 from reobserve.observers.grid_filter import GridFilter as GridFilter
 from reobserve.observers.high_gain import HighGainObserver as HighGainObserver
 from reobserve.observers.ilo import ILO as ILO
-from reobserve.observers.ilo_sampled import SampledILO as SampledILO
+from reobserve.observers.ilo import SampledILO as SampledILO
 from reobserve.observers.imm import IMM as IMM
 from reobserve.observers.kalman import KalmanFilter as KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator as LevantDifferentiator
 from reobserve.observers.nonlinear_filter import ExtendedKalmanFilter as ExtendedKalmanFilter
 from reobserve.observers.nonlinear_filter import UnscentedKalmanFilter as UnscentedKalmanFilter
+from reobserve.observers.normal_form import IdentityObserver as IdentityObserver
+from reobserve.observers.normal_form import TransformedObserver as TransformedObserver
 from reobserve.observers.normal_form import normal_form_observer as normal_form_observer
-from reobserve.observers.normal_form_identity import IdentityObserver as IdentityObserver
-from reobserve.observers.normal_form_transformed import TransformedObserver as TransformedObserver
 from reobserve.observers.run import Estimate as Estimate
 from reobserve.observers.run import Run as Run
 from reobserve.observers.smooth_variable_structure import (

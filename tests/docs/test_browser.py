@@ -17,7 +17,7 @@ from .conftest import Site
 # One of each kind.
 KINDS = (
     "", "start/library/", "findings/lie/", "project/quality/",
-    "reference/library/observers/ilo_sampled/", "reference/commands/", "reference/configuration/",
+    "reference/library/observers/ilo/", "reference/commands/", "reference/configuration/",
     "reference/equations/",
 )  # fmt: skip
 

@@ -110,7 +110,7 @@ def test_modules_with_pages_are_public_or_named_on_pages() -> None:
     assert named <= modules  # a link, and an import, to which no public name leads
     assert len(modules) < 90
     index = texts["reference/library/observers/index.md"]
-    assert "| [`ilo_sampled`](ilo_sampled.md) |" in index
+    assert "| [`ilo`](ilo.md) |" in index
     assert "| `record` |" in index
     assert {name for name in modules if not api.is_shown(ROOT, name)} == set()
     assert api.is_shown(ROOT, "reobserve.observers.kalman.KalmanFilter.run")

@@ -88,8 +88,8 @@ def test_every_public_name_has_a_reference_entry(site: Site) -> None:
 
 
 def test_inherited_method_is_shown_in_the_subclass(site: Site) -> None:
-    name = "reobserve.observers.ilo_sampled.SampledILO"
-    shown = anchors(site.folder / "reference/library/observers/ilo_sampled/index.html")
+    name = "reobserve.observers.ilo.SampledILO"
+    shown = anchors(site.folder / "reference/library/observers/ilo/index.html")
     assert {f"{name}.run", f"{name}.step", f"{name}.init"} <= shown
 
 

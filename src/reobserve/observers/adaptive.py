@@ -157,7 +157,8 @@ def _growth(c: AdaptiveConstants, estimate: Triple, rate: Triple) -> Triple:
 
 @kernel
 def _estimate(c: AdaptiveConstants, integral: Triple, rate: Triple, estimate: Triple) -> Triple:
-    """f^ = z + Kp (w - w^)."""
+    """The fault estimate."""
+    # f^ = z + Kp (w - w^)
     x, y, z = product(
         c.proportional_gain, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2]
     )

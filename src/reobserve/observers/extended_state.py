@@ -239,7 +239,7 @@ def _take(y: Array, u: Array, k: int, known: Array) -> None:
 def _run(size: Sized, weights: Array, known: Array, y: Samples, u: Samples, rows: Array) -> int:
     """Fill ``rows``, [xz, x^], after the first, and return the number of finite rows.
 
-    Indriawati, Agustinah & Jazidie, (6) and (8), sampled. ``known`` begins with the first row.
+    Indriawati, Agustinah & Jazidie, (3), (6) and (8), sampled. ``known`` begins with the first row.
     """
     n, columns = len(size), y.right.shape[1] + u.right.shape[1]
     after = np.empty(n)

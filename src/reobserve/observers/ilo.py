@@ -1,7 +1,8 @@
-"""Iterative learning observer of a rigid body, learning continuously (Chen & Saif 2007, (3)).
+"""Iterative learning observers of a rigid body (Chen & Saif 2007, (3)).
 
-The ILO input v is updated at every instant from its value one interval earlier;
-`reobserve.observers.ilo_sampled` updates it once an interval.
+The ILO input v of `ILO` is updated at every instant from its value one interval earlier. The paper
+also lets the updating interval tau be the sampling interval of a sampled-data system: `SampledILO`
+updates v once an interval and holds it in between.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from reobserve.observers.rigid_body_observer import (
     whole_steps,
 )
 from reobserve.synthesis.ilo_error_system import LearningLaw
+from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
 from reobserve.synthesis.ilo_stability import continuous_stability
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.rigid_body_arithmetic import (
@@ -185,13 +187,14 @@ class ILO(LearningObserver):
     def _run(
         self, rate: Array, memory: Array, count: int, record: RigidBodyRecord, rows: RigidBodyRows
     ) -> int:
-        return _run(self._constants, rate, memory, count, record, rows)
+        return _run_continuous(self._constants, rate, memory, count, record, rows)
 
 
 @kernel
-def slope(c: IloConstants, estimate: Triple, rate: Triple, known: Triple) -> Triple:
-    """The right-hand side for w^. ``known`` is B u + B_f K1 v(t - tau) (Chen & Saif 2007, (3))."""
-    # w^' = J^-1 (-w^ x J w^ + injection (w - w^) + known)
+def _slope(c: IloConstants, estimate: Triple, rate: Triple, known: Triple) -> Triple:
+    """The right-hand side for w^, with the torque of `_known_torque` (Chen & Saif 2007, (3))."""
+    # J w^' = -w^ x J w^ + (Lambda + B_f K2) (w - w^) + B u + B_f K1 v(t - tau), or for a held v
+    # J w^' = -w^ x J w^ + Lambda (w - w^) + B u + B_f v_k
     x, y, z = product(
         c.injection, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2]
     )
@@ -199,15 +202,16 @@ def slope(c: IloConstants, estimate: Triple, rate: Triple, known: Triple) -> Tri
 
 
 @kernel
-def known_torque(c: IloConstants, control: Triple, learned: Triple) -> Triple:
-    """B u + B_f K1 v(t - tau), where ``learned`` is K1 v(t - tau)."""
+def _known_torque(c: IloConstants, control: Triple, learned: Triple) -> Triple:
+    """The torque without what w - w^ adds (Chen & Saif 2007, (3))."""
+    # B u + B_f K1 v(t - tau), or B u + B_f v_k for a held v
     x, y, z = product(c.input_matrix, control[0], control[1], control[2])
     f, g, h = product(c.fault_matrix, learned[0], learned[1], learned[2])
     return (x + f, y + g, z + h)
 
 
 @kernel
-def learn(c: IloConstants, learned: Triple, rate: Triple, estimate: Triple) -> Triple:
+def _learn(c: IloConstants, learned: Triple, rate: Triple, estimate: Triple) -> Triple:
     """The law by which v learns (Chen & Saif 2007, (3))."""
     # v(t) = K1 v(t - tau) + K2 (w(t) - w^(t))
     x, y, z = product(c.K2, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2])
@@ -215,7 +219,7 @@ def learn(c: IloConstants, learned: Triple, rate: Triple, estimate: Triple) -> T
 
 
 @kernel
-def _run(
+def _run_continuous(
     c: IloConstants,
     estimate: Array,
     history: Array,
@@ -223,7 +227,7 @@ def _run(
     record: RigidBodyRecord,
     rows: RigidBodyRows,
 ) -> int:
-    """Fill ``rows``, and leave w^ and v of the last interval in place."""
+    """Fill ``rows``, and leave w^ and v of the last interval in place (Chen & Saif 2007, (3))."""
     h, half = c.step, 0.5 * c.step
     steps = len(rows.rate) - 1
     w = (estimate[0], estimate[1], estimate[2])
@@ -242,29 +246,29 @@ def _run(
         learned_start = product(c.K1, past[0, 0], past[0, 1], past[0, 2])
         learned_middle = product(c.K1, past[1, 0], past[1, 1], past[1, 2])
         learned_end = product(c.K1, past[2, 0], past[2, 1], past[2, 2])
-        known_start = known_torque(c, row(record.control, 2 * k), learned_start)
-        known_middle = known_torque(c, row(record.control, 2 * k + 1), learned_middle)
-        known_end = known_torque(c, row(record.control_before, 2 * k + 2), learned_end)
+        known_start = _known_torque(c, row(record.control, 2 * k), learned_start)
+        known_middle = _known_torque(c, row(record.control, 2 * k + 1), learned_middle)
+        known_end = _known_torque(c, row(record.control_before, 2 * k + 2), learned_end)
 
         # w^(t + h) = w^(t) + h/6 (k1 + 2 k2 + 2 k3 + k4)
-        k1 = slope(c, w, start, known_start)
-        k2 = slope(c, ahead(w, k1, half), middle, known_middle)
-        k3 = slope(c, ahead(w, k2, half), middle, known_middle)
-        k4 = slope(c, ahead(w, k3, h), end, known_end)
+        k1 = _slope(c, w, start, known_start)
+        k2 = _slope(c, ahead(w, k1, half), middle, known_middle)
+        k3 = _slope(c, ahead(w, k2, half), middle, known_middle)
+        k4 = _slope(c, ahead(w, k3, h), end, known_end)
         after = rk4_sum(w, k1, k2, k3, k4, h)
 
         # Cubic Hermite interpolation of w^ inside the step keeps the delayed v of order 4.
         # w^(t + h/2) = (w^(t) + w^(t + h)) / 2 + h/8 (w^'(t) - w^'(t + h))
-        last = slope(c, after, end, known_end)
+        last = _slope(c, after, end, known_end)
         between = (
             0.5 * (w[0] + after[0]) + 0.125 * h * (k1[0] - last[0]),
             0.5 * (w[1] + after[1]) + 0.125 * h * (k1[1] - last[1]),
             0.5 * (w[2] + after[2]) + 0.125 * h * (k1[2] - last[2]),
         )
         # v(t) = K1 v(t - tau) + K2 (w(t) - w^(t)), in place of v(t - tau)
-        past[0, 0], past[0, 1], past[0, 2] = learn(c, learned_start, start, w)
-        past[1, 0], past[1, 1], past[1, 2] = learn(c, learned_middle, middle, between)
-        past[2, 0], past[2, 1], past[2, 2] = learn(c, learned_end, end, after)
+        past[0, 0], past[0, 1], past[0, 2] = _learn(c, learned_start, start, w)
+        past[1, 0], past[1, 1], past[1, 2] = _learn(c, learned_middle, middle, between)
+        past[2, 0], past[2, 1], past[2, 2] = _learn(c, learned_end, end, after)
         for i in range(3):
             rows.rate[k, i] = w[i]
             rows.fault[k, i] = past[0, i]
@@ -276,8 +280,130 @@ def _run(
     estimate[0], estimate[1], estimate[2] = w
     past = history[slot]
     learned = product(c.K1, past[0, 0], past[0, 1], past[0, 2])
-    rows.fault[steps, 0], rows.fault[steps, 1], rows.fault[steps, 2] = learn(
+    rows.fault[steps, 0], rows.fault[steps, 1], rows.fault[steps, 2] = _learn(
         c, learned, row(record.rate, 2 * steps), w
     )
     rows.rate[steps, 0], rows.rate[steps, 1], rows.rate[steps, 2] = w
+    return steps + 1
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class SampledILO(LearningObserver):
+    """Iterative learning observer with v updated at multiples of tau and held in between.
+
+        J w^' = -w^ x J w^ + Lambda (w - w^) + B u + B_f v_k,    k tau <= t < (k + 1) tau
+        v_k = K1 v_(k-1) + K2 [w(k tau) - w^(k tau)]
+
+    Chen & Saif 2007, (3). `init` takes rate and fault; left out, a run starts from the first
+    measurement. `run` and `step` take y, the rate w [rad/s], and u [N m], both of shape (k, 3).
+    Estimates: ``rate``, w^ [rad/s], and ``fault``, v [N m], both (k, 3); `Run.before` has limits of
+    ``fault`` from the left, which differ at updates.
+
+    Parameters
+    ----------
+    model
+        The observer's model of the rigid body.
+    K1, K2
+        Learning gains [1] and [N m s/rad]: a number (times the identity), a diagonal or 3 x 3.
+    observer_gain
+        Lambda [N m s/rad], likewise; symmetric positive definite.
+    update_interval
+        tau [s], the updating interval, a multiple of ``sampling_period``.
+    allow_unstable
+        Accept gains whose linearised error dynamics grow: to study divergence.
+    sampling_period
+        [s], and the step of the method.
+
+    Raises
+    ------
+    InputError
+        If a shape is wrong, Lambda is not positive definite, tau is not positive or no multiple
+        of the step; v and w - w^ grow from one update to the next, which is refused with
+        the largest K2 for which they do not.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from reobserve import RigidBody, SampledILO
+    >>> observer = SampledILO(RigidBody([36, 17, 26]), K1=1.0, K2=500.0, observer_gain=500.0,
+    ...                       update_interval=0.01, sampling_period=0.01)
+    >>> rate = np.outer(0.01 * np.arange(200), [0.5 / 36, 0, 0])  # 0.5 N m about the first axis
+    >>> run = observer.run(rate, np.zeros((200, 3)))
+    >>> print(run["fault"][-1, 0].round(2))
+    0.5
+    """
+
+    def _check_stability(self) -> None:
+        verdict = sampled_stability(self.law)
+        if verdict.verdict == "unstable":
+            raise InputError(
+                "K1, K2",
+                f"must give stable error dynamics, but {verdict.reason}; "
+                f"the limit is {sampled_limit_gain(self.law):.6g} times this K2",
+            )
+
+    @cached_property
+    def _constants(self) -> IloConstants:
+        return self._constants_with(self.observer_gain)
+
+    def _run(
+        self, rate: Array, memory: Array, count: int, record: RigidBodyRecord, rows: RigidBodyRows
+    ) -> int:
+        return _run_sampled(self._constants, self.delay, rate, memory, count, record, rows)
+
+
+@kernel
+def _run_sampled(
+    c: IloConstants,
+    delay: int,
+    estimate: Array,
+    held: Array,
+    count: int,
+    record: RigidBodyRecord,
+    rows: RigidBodyRows,
+) -> int:
+    """Fill ``rows``, and leave w^ and the v in force in place (Chen & Saif 2007, (3))."""
+    h, half = c.step, 0.5 * c.step
+    steps = len(rows.rate) - 1
+    w = (estimate[0], estimate[1], estimate[2])
+    v = (held[0], held[1], held[2])
+    phase = count % delay
+    due = FIRST
+    for k in range(steps):
+        if k >= due:
+            due = poll(k)
+        start, middle, end = (
+            row(record.rate, 2 * k),
+            row(record.rate, 2 * k + 1),
+            row(record.rate_before, 2 * k + 2),
+        )
+        # v_k = K1 v_(k-1) + K2 (w(k tau) - w^(k tau))
+        if phase == 0:
+            v = _learn(c, product(c.K1, v[0], v[1], v[2]), start, w)
+        phase = phase + 1 if phase + 1 < delay else 0
+        # w^(t + h) = w^(t) + h/6 (k1 + 2 k2 + 2 k3 + k4), with B u + B_f v_k known
+        known_middle = _known_torque(c, row(record.control, 2 * k + 1), v)
+        k1 = _slope(c, w, start, _known_torque(c, row(record.control, 2 * k), v))
+        k2 = _slope(c, ahead(w, k1, half), middle, known_middle)
+        k3 = _slope(c, ahead(w, k2, half), middle, known_middle)
+        k4 = _slope(
+            c, ahead(w, k3, h), end, _known_torque(c, row(record.control_before, 2 * k + 2), v)
+        )
+        after = rk4_sum(w, k1, k2, k3, k4, h)
+        for i in range(3):
+            rows.rate[k, i] = w[i]
+            rows.fault[k, i] = v[i]
+            rows.fault_before[k + 1, i] = v[i]
+        if not np.isfinite(after[0] + after[1] + after[2]):
+            return k + 1
+        w = after
+    for i in range(3):
+        estimate[i] = w[i]
+        held[i] = v[i]
+    # An update due at the very end shows in the last row; the next run takes it into force.
+    if phase == 0:
+        v = _learn(c, product(c.K1, v[0], v[1], v[2]), row(record.rate, 2 * steps), w)
+    for i in range(3):
+        rows.rate[steps, i] = w[i]
+        rows.fault[steps, i] = v[i]
     return steps + 1

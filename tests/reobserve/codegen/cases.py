@@ -17,8 +17,7 @@ from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.fixed_gain import luenberger
 from reobserve.observers.grid_filter import GridFilter
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.observers.ilo import ILO
-from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.ilo import ILO, SampledILO
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator

@@ -14,7 +14,7 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_floats, as_matrix, as_numbers, as_row, as_rows, as_samples
 from reobserve.core.vector_field import vector_field
 from reobserve.observers.extended_state import ExtendedStateObserver
-from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.ilo import SampledILO
 from reobserve.observers.kalman import KalmanFilter, run_linear
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.systems.linear import LinearModel

@@ -17,14 +17,13 @@ from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.observers.ilo import ILO
-from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.ilo import ILO, SampledILO
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form import normal_form_observer
-from reobserve.observers.unchecked_step import unchecked_step
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.observers.unchecked_step import unchecked_step
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.rigid_body import RigidBody
 from tests.reobserve.observers.small_plants import pendulum

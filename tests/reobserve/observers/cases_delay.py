@@ -16,8 +16,7 @@ from scipy.integrate import solve_ivp
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
-from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.observers.normal_form import IdentityObserver, TransformedObserver
 from tests.reobserve.observers.case import Case
 from tests.reobserve.observers.small_plants import first_order_lag, pendulum, pendulum_slope
 from tests.reobserve.observers.test_normal_form_observers import form, plant

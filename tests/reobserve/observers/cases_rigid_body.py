@@ -8,8 +8,7 @@ from functools import cache
 import numpy as np
 
 from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.ilo import ILO
-from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.ilo import ILO, SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.systems.rigid_body import RigidBody
 from tests.reobserve.observers.case import Array, Case

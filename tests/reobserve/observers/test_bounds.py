@@ -18,7 +18,7 @@ from reobserve.core import direct_call
 direct_call.call = lambda function, arguments: getattr(function, "compiled", function)(*arguments)
 
 from reobserve import rts_smoother
-from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form import IdentityObserver
 from reobserve.synthesis.normal_form.identity_gain import GAINS
 from tests.reobserve.observers.by_row import GIVEN, part, record
 from tests.reobserve.observers.cases import CASES

@@ -14,8 +14,7 @@ from scipy.linalg import expm
 
 from reobserve.core.errors import InputError
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.normal_form import FORMS, normal_form_observer
-from reobserve.observers.normal_form_observer import NormalFormObserver
+from reobserve.observers.normal_form import FORMS, NormalFormObserver, normal_form_observer
 
 Array = NDArray[np.float64]
 

@@ -15,9 +15,11 @@ from scipy.linalg import expm
 
 from reobserve.core.errors import DivergenceError
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import NormalFormObserver
-from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.observers.normal_form import (
+    IdentityObserver,
+    NormalFormObserver,
+    TransformedObserver,
+)
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.identity_gain import GAINS

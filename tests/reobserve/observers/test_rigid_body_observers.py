@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.ilo import ILO
-from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.ilo import ILO, SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, RigidBodyState, whole_steps
 from reobserve.observers.run import Run
 from reobserve.synthesis.ilo_accuracy import (

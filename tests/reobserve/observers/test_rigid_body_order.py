@@ -21,8 +21,7 @@ from scipy.integrate import solve_ivp
 
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.ilo import ILO
-from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.ilo import ILO, SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, RigidBodyState
 from reobserve.observers.run import Run
 from reobserve.systems.rigid_body import RigidBody

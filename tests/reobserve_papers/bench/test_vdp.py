@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from reobserve.observers.levant import LevantDifferentiator
-from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form import IdentityObserver
 from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve.tuning.task import Array, Condition, Estimates, TaskRecord
 from reobserve_papers.bench.packaged_task import PackagedTask

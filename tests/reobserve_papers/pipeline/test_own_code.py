@@ -198,7 +198,7 @@ def test_edit_is_seen_by_each_command(
     metrics = project.folder / "results/ilo/fig1.metrics.csv"
     before = metrics.read_bytes()
     environment = project.environment | way(project)
-    code = project.folder / "src/reobserve/observers/ilo_sampled.py"
+    code = project.folder / "src/reobserve/observers/ilo.py"
     text = code.read_text()
     code.write_text(text.replace("product(c.K1, v[0], v[1]", "product(c.K1, 0.9 * v[0], v[1]"))
     assert code.read_text() != text

@@ -9,9 +9,12 @@ from reobserve.codegen.program import Program
 from reobserve.codegen.programs.polynomial import evaluated, polynomial
 from reobserve.codegen.programs.sampling import RowBuffer, runge_kutta
 from reobserve.core.errors import InputError
-from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import NormalFormObserver, NormalFormState
-from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.observers.normal_form import (
+    IdentityObserver,
+    NormalFormObserver,
+    NormalFormState,
+    TransformedObserver,
+)
 
 
 def _begun(observer: NormalFormObserver, state: NormalFormState | None) -> NormalFormState:

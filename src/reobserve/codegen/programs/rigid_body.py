@@ -8,8 +8,7 @@ from reobserve.codegen.expressions import Expression, Name
 from reobserve.codegen.program import Program
 from reobserve.codegen.programs.sampling import RowBuffer, runge_kutta
 from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.ilo import ILO
-from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.ilo import ILO, SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, RigidBodyState
 
 _VECTOR = (3,)

@@ -12,8 +12,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector, spectral_radius
 from reobserve.estimation.families.rigid_body import ALARMS, BODY, BodyDesign, BodySystem
 from reobserve.estimation.observer_design import Certificate, Example
-from reobserve.observers.ilo import ILO
-from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.ilo import ILO, SampledILO
 from reobserve.synthesis.ilo_accuracy import predicted_rms_error
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability

@@ -25,10 +25,12 @@ from reobserve.estimation.observer_design import (
     pairs,
     pole_text,
 )
-from reobserve.observers.normal_form import normal_form_observer
-from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import NormalFormObserver
-from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.observers.normal_form import (
+    IdentityObserver,
+    NormalFormObserver,
+    TransformedObserver,
+    normal_form_observer,
+)
 
 Array = FloatArray
 Form = Literal["identity", "transformed"]

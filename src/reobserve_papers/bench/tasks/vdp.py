@@ -19,7 +19,7 @@ from reobserve.core.validation import Positive
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.nonlinear_filter import ExtendedKalmanFilter, UnscentedKalmanFilter
-from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form import IdentityObserver
 from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem

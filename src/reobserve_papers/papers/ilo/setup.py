@@ -9,8 +9,7 @@ import numpy as np
 from reobserve.core.errors import InputError
 from reobserve.core.validation import MatrixValue
 from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.ilo import ILO
-from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.ilo import ILO, SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve_papers.papers.ilo import keys
 from reobserve_papers.papers.ilo.body import known_body, on_axis

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.validation import Terms
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.ilo import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyState
 from reobserve.synthesis.ilo_accuracy import matched_integrator
 from reobserve.synthesis.ilo_certificate import bound18, certify

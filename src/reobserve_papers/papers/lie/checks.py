@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_vector
-from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form import IdentityObserver
 from reobserve.synthesis.normal_form.transform import NormalForm, normal_form
 from reobserve_papers.metrics.responses import check_windows
 from reobserve_papers.papers.lie import keys, plant, theory

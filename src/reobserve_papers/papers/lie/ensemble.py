@@ -16,9 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import DivergenceError, located
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import NormalFormObserver
-from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.observers.normal_form import (
+    IdentityObserver,
+    NormalFormObserver,
+    TransformedObserver,
+)
 from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.plant import build_system

@@ -7,7 +7,7 @@ from typing import Any
 
 from reobserve.observers.contract import OnDivergence
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.normal_form_observer import NormalFormObserver, NormalFormState
+from reobserve.observers.normal_form import NormalFormObserver, NormalFormState
 from reobserve.observers.run import Run
 from reobserve_papers.papers.lie import keys
 from reobserve_papers.papers.lie.setup import build_observer, stored_form

@@ -11,9 +11,11 @@ import numpy as np
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.core.validation import parse
-from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import NormalFormObserver
-from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.observers.normal_form import (
+    IdentityObserver,
+    NormalFormObserver,
+    TransformedObserver,
+)
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.transform import NormalForm, normal_form

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from reobserve.core.errors import located
-from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form import IdentityObserver
 from reobserve.synthesis.normal_form.transform import NormalForm
 from reobserve_papers.papers.lie import ensemble, keys, study_domain, study_orders
 from reobserve_papers.papers.lie.study_rows import Row

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from reobserve.core.errors import located
-from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form import IdentityObserver
 from reobserve.synthesis.normal_form.identity_gain import GAINS, gain_at
 from reobserve.synthesis.normal_form.transform import NormalForm
 from reobserve_papers.papers.lie import keys

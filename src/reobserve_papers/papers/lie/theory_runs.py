@@ -9,9 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import NormalFormObserver, NormalFormState
-from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.observers.normal_form import (
+    IdentityObserver,
+    NormalFormObserver,
+    NormalFormState,
+    TransformedObserver,
+)
 from reobserve.observers.run import Run
 from reobserve.polynomials.evaluation_kernels import evaluate, polynomials
 from reobserve.polynomials.maps import PolynomialMap

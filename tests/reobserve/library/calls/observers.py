@@ -80,7 +80,7 @@ def _observers() -> Iterator[Call]:
     cosine = 0.1 * np.cos(HALF)
     lag = (first_order_lag(), 5.0, 1, (0.0, 1.0), 0.0, "delay", np.eye(2), 0.01)
     made: dict[str, tuple[Any, ...]] = {
-        "ilo_sampled.SampledILO": (body, 1.0, 500.0, 500.0, 0.01, False, 0.01),
+        "ilo.SampledILO": (body, 1.0, 500.0, 500.0, 0.01, False, 0.01),
         "ilo.ILO": (body, 0.9, 50.0, 500.0, 0.01, False, 0.01),
         "adaptive.AdaptiveObserver": (body, 500.0, 1000.0, 10.0, 0.01),
         "high_gain.HighGainObserver": (swing, 10.0, 0.01),
@@ -306,8 +306,8 @@ def _normal_forms() -> Iterator[Call]:
     poles = (system, [-1.7, -2.3])
     yield from called({"synthesis.normal_form.placement.injection_for": poles}, COMPLEX)
     for call in called({
-        "observers.normal_form_identity.IdentityObserver": (series, 2, "series", 0.01),
-        "observers.normal_form_transformed.TransformedObserver": (series, 2, 0.01),
+        "observers.normal_form.IdentityObserver": (series, 2, "series", 0.01),
+        "observers.normal_form.TransformedObserver": (series, 2, 0.01),
     }):  # fmt: skip
         yield call
         yield from _recorded(call.function(*call.arguments), ([0.1, 0.0],), y)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import ConvergenceWarning, NormalFormState
+from reobserve.observers.normal_form import ConvergenceWarning, IdentityObserver, NormalFormState
 from reobserve.observers.run import Run
 from reobserve.polynomials.expressions import from_expressions
 from reobserve.polynomials.maps import PolynomialMap

@@ -15,10 +15,12 @@ from scipy.integrate import solve_ivp
 
 from reobserve.core.errors import InputError
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.normal_form import normal_form_observer
-from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import NormalFormObserver
-from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.observers.normal_form import (
+    IdentityObserver,
+    NormalFormObserver,
+    TransformedObserver,
+    normal_form_observer,
+)
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.normal_form.identity_gain import GAINS, gain_at

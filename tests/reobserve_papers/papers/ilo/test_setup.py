@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.ilo import SampledILO
 from reobserve.systems.rigid_body import RigidBody
 from reobserve_papers.papers.ilo.setup import stride
 from reobserve_papers.parameters.job import read_parameters

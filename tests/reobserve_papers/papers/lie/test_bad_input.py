@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.observers.normal_form import normal_form_observer
-from reobserve.observers.normal_form_observer import NormalFormObserver
+from reobserve.observers.normal_form import NormalFormObserver, normal_form_observer
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.transform import normal_form
 from reobserve.systems.polynomial import PolynomialSystem
