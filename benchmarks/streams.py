@@ -18,9 +18,8 @@ import yaml
 from benchmarks.report import Row, Section
 from reobserve.estimation import row_by_row
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.row_by_row import RowByRow
+from reobserve.estimation.row_by_row import RowByRow, unchecked_step
 from reobserve.estimation.specification import read_specification
-from reobserve.observers.unchecked_step import unchecked_step
 
 _PERIOD = 0.001
 _HEADER = "t,position,rate,torque"

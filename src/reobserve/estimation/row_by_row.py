@@ -7,10 +7,11 @@ observer and back without a detour by blocks. Else it is a block of one row.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import chain
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, shown
 from reobserve.estimation.dialect import Dialect, Head, read_head
@@ -19,7 +20,10 @@ from reobserve.estimation.gaps import MEASURED, STATUSES
 from reobserve.estimation.text_rows import RowError, TextRows
 from reobserve.estimation.writing import line as result
 from reobserve.estimation.writing import text
-from reobserve.observers.unchecked_step import unchecked_step
+from reobserve.observers.contract import Observer, StateKind
+from reobserve.observers.record import Record
+
+Array = NDArray[np.float64]
 
 _PATIENCE = 20  # rows that all go the long way, on which the sampling period is checked
 
@@ -181,3 +185,24 @@ class RowByRow:
 
     def _text(self, block: Estimated) -> str:
         return text(block, self.estimation.report, self.digits)
+
+
+def unchecked_step(
+    observer: Observer[StateKind], state: StateKind, y: Array, u: Array
+) -> tuple[StateKind, Mapping[str, Array]]:
+    """The next state and the estimates of one row, which `Observer.step` would check first.
+
+    Parameters
+    ----------
+    state
+        One that this observer made.
+    y, u
+        As `Observer.run` would take them, of shape (1, p) and (1, m). So are the estimates, which
+        keep their axis of samples.
+    """
+    record = Record(y, u)
+    rows = observer._fill(state, record)
+    if not observer._good(rows):
+        time = np.array([observer._next_row(state) * observer.sampling_period])
+        raise observer._divergence(state, rows, time, 0)
+    return rows.state, rows.estimates

@@ -728,7 +728,7 @@ class NonlinearFilter(GaussianFilter):
         self, state: KalmanState, y: ArrayLike, u: ArrayLike | None = None, *,
         time: float | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
         parameters: Mapping[str, ArrayLike] | None = None, dt: float | None = None,
-        keep: str | Sequence[str] = (),
+        keep: str | Sequence[str] | None = None,
     ) -> tuple[KalmanState, Estimate]:  # fmt: skip
         """Take one row: the next state, and the estimates at it.
 
@@ -748,14 +748,14 @@ class NonlinearFilter(GaussianFilter):
         DivergenceError
             As `run`.
         """
-        given = {"Q": Q, "R": R, "parameters": parameters, "dt": dt, "keep": keep or None}
+        given = {"Q": Q, "R": R, "parameters": parameters, "dt": dt, "keep": keep}
         return self._step_given(state, y, u, time, given)
 
     def run(
         self, y: ArrayLike, u: ArrayLike | None = None, *, state: KalmanState | None = None,
         time: ArrayLike | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
         parameters: Mapping[str, ArrayLike] | None = None, dt: ArrayLike | None = None,
-        keep: str | Sequence[str] = (), on_divergence: OnDivergence = "raise",
+        keep: str | Sequence[str] | None = None, on_divergence: OnDivergence = "raise",
     ) -> Run[KalmanState]:  # fmt: skip
         """Estimates at all rows of a record, by one compiled loop.
 
@@ -805,9 +805,9 @@ class NonlinearFilter(GaussianFilter):
         >>> start = observer.init([0.3, 0.0], 0.01)
         >>> run = observer.run([0.3, 0.285, 0.243], state=start, parameters={"g": 9.0})
         >>> print(run["state_angle"][-1].round(3))
-        0.248
+        0.244
         """
-        given = {"Q": Q, "R": R, "parameters": parameters, "dt": dt, "keep": keep or None}
+        given = {"Q": Q, "R": R, "parameters": parameters, "dt": dt, "keep": keep}
         return self._run_given(y, u, state, time, on_divergence, given)
 
 

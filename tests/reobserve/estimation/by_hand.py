@@ -103,7 +103,7 @@ def extended_high_gain(columns: Columns) -> Run[Any]:
         model, rho=5.0, order=2, delay_bounds=(0.0, 1.5), threshold=0.035, sampling_period=PERIOD
     )
     y, u = read(columns, "%", "1", "level"), read(columns, "%", "1", "valve")
-    return observer.run(y, u, state=observer.init([0.0], 0.3))
+    return observer.run(y, u, state=observer.init([0.0], delay=0.3))
 
 
 def delay_grid(columns: Columns) -> Run[Any]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import place_poles
 
 from reobserve.core.errors import DivergenceError, InputError
+from reobserve.estimation.row_by_row import unchecked_step
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
@@ -23,7 +24,6 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
-from reobserve.observers.unchecked_step import unchecked_step
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.rigid_body import RigidBody
 from tests.reobserve.observers.small_plants import pendulum

@@ -108,6 +108,9 @@ def test_augmented_filter_agrees_with_filterpy() -> None:
     assert np.sqrt(np.mean((run["unknown_input"][60:] - force[59:-1]) ** 2)) < 0.15
 
 
+NAMES = ("fault_matrix", "random_walk", "output_fault_matrix")
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -133,7 +136,7 @@ def test_augmented_filter_agrees_with_filterpy() -> None:
 )
 def test_unknown_inputs_that_cannot_be_estimated_are_refused(arguments: Any, said: str) -> None:
     with pytest.raises(InputError, match=f"^{said}"):
-        AugmentedKalmanFilter(mass(), *arguments)
+        AugmentedKalmanFilter(mass(), **dict(zip(NAMES, arguments, strict=False)))
 
 
 @pytest.mark.parametrize(

@@ -213,7 +213,7 @@ def test_smoother_refuses_what_does_not_belong_to_the_run() -> None:
         InputError, match=r"^y: is left out, must have shape \(9, 2\): S was given$"
     ):
         rts_smoother(one, run, u, **rows)
-    with pytest.raises(InputError, match=r"^dt: is not taken by KalmanFilter"):
+    with pytest.raises(InputError, match=r"^dt: is not taken by KalmanFilter, beside y and u it"):
         rts_smoother(one, run, u, dt=0.1)
     bare = augmented()
     run = bare.run(y, u, state=bare.init([0.0] * 3, 1.0))

@@ -160,7 +160,7 @@ def test_noise_that_cannot_be_seen_is_refused() -> None:
         KalmanFilter(one, noise_memory=0.5)
     svsf = SmoothVariableStructureFilter
     with pytest.raises(InputError, match="has another gain than Kalman's"):
-        svsf(one, 1.0, 0.1, noise_memory=10.0)
+        svsf(one, boundary_layer=1.0, convergence_rate=0.1, noise_memory=10.0)
     observer = KalmanFilter(one, noise_memory=10.0)
     with pytest.raises(InputError, match="R: must be left out"):
         observer.run([0.0, 1.0], state=observer.init([0], 1), R=1.0)

@@ -68,7 +68,7 @@ def test_sampling_is_exact_for_known_intersample_behaviour(known: str, gains: Ga
     C, Eo = system.C_tilde, np.eye(6) + gains.Ld @ system.C_tilde
     start, filtered = np.linspace(-1, 1, 6), np.array([0.3, -0.2])
     observer = ExtendedStateObserver(system, gains=gains, sampling_period=period)
-    run = observer.run(**samples, state=observer.init(start, filtered))
+    run = observer.run(**samples, state=observer.init(start, filtered=filtered))
     z = np.concatenate([filtered, Eo @ start - gains.Ld @ filtered])
     for k in range(12):
         x = np.linalg.solve(Eo, z[2:] + gains.Ld @ z[:2])

@@ -96,7 +96,7 @@ def test_jump_is_followed_at_once_and_a_drift_without_noise() -> None:
         one = AugmentedKalmanFilter(
             PLANT, fault_matrix=E, random_walk=[walk, 1e-5], output_fault_matrix=F
         )
-        other = one.run(y, u, state=one.init([0, 0], 1e-2, fault_covariance=1e-6))
+        other = one.run(y, u, state=one.init([0, 0], 1e-2, unknown_input_covariance=1e-6))
         off = other["unknown_input"] - fault
         best = min(best, float(np.sqrt((off[:, 0] ** 2).mean())))
     assert np.sqrt((error[:, 0] ** 2).mean()) < best

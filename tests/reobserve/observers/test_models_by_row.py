@@ -221,7 +221,7 @@ def test_parameters_by_row_are_inputs_of_another_model(kind: Any) -> None:
 def test_bank_by_mode_without_mixing_is_a_filter_for_each_mode() -> None:
     """Modes that last: their probabilities are their likelihoods, normalised."""
     one, (y, u) = GIVEN["IMM by mode"](), record()
-    lasting = type(one.observer)(one.observer.filters, np.eye(2), False)
+    lasting = type(one.observer)(one.observer.filters, np.eye(2), mixing=False)
     run = lasting.run(y, u, state=one.state, **one.given)
     total = np.zeros((ROWS, 2))
     for j, each in enumerate(lasting.filters):

@@ -76,13 +76,13 @@ def kalman(one: Plant, q: float, p: float) -> Any:
 
 def augmented(one: Plant, q: float, p: float) -> Any:
     observer = AugmentedKalmanFilter(one.model(1.0), fault_matrix=one.E, random_walk=q * one.r)
-    return observer, observer.init(np.zeros(len(one.A)), one.r, None, p * one.r)
+    return observer, observer.init(np.zeros(len(one.A)), one.r, unknown_input_covariance=p * one.r)
 
 
 def faults(one: Plant, q: float, p: float) -> Any:
     sizes = {"drift": 0.01 * (q * one.r) ** 0.5, "jump": (q * one.r) ** 0.5}
     observer = FaultBank(one.model(1.0), fault_matrix=one.E, **sizes, jump_rate=0.1, jump_time=0.5)
-    return observer, observer.init(np.zeros(len(one.A)), one.r, None, p * one.r)
+    return observer, observer.init(np.zeros(len(one.A)), one.r, fault_covariance=p * one.r)
 
 
 def bank(one: Plant, q: float, p: float) -> Any:

@@ -288,7 +288,7 @@ def test_run_without_a_state_starts_from_the_origin(name: str) -> None:
 def test_series_of_fractions_run_like_floats(kind: Any) -> None:
     y = plant(0.01, 300)[:, :1]
     floats, fractions = (
-        kind(form(5, exact=exact), 4, sampling_period=0.01) for exact in (False, True)
+        kind(form(5, exact=exact), order=4, sampling_period=0.01) for exact in (False, True)
     )
     one, other = (run_on_halves(o, y, state=o.init(ESTIMATE))["state"] for o in (floats, fractions))
     np.testing.assert_allclose(np.asarray(other, dtype=np.float64), one, rtol=0, atol=1e-12)

@@ -214,7 +214,7 @@ def test_augmented_filter_and_smoother_are_those_of_one_model(names: str) -> Non
 
 def test_components_go_by_the_names_of_signals() -> None:
     names: Any = {"state_names": ["p", "v", "a"], "output_names": ["near", "far"]}
-    model = LinearModel(*MODEL.arrays, sampling_period=0.1, **names)
+    model = LinearModel(**MODEL.arrays._asdict(), sampling_period=0.1, **names)
     (y, u), one = record(), augmented(model, unknown_input_names=["bias"])
     run = one.run(y, u, state=one.init([0.0] * 3, 1.0), keep=CROSS)
     assert np.array_equal(run["state_v"], run["state"][:, 1])

@@ -170,9 +170,11 @@ def errors_under_a_sine(
 def test_error_of_the_continuous_observer_is_as_predicted(
     interval: float, K1: float, observer_gain: float
 ) -> None:
-    design = (K1, 2000.0, observer_gain, interval)
     step = interval / max(10, round(interval / 5e-4))
-    observer = ILO(BODY, *design, sampling_period=step)
+    observer = ILO(
+        BODY, K1=K1, K2=2000.0, observer_gain=observer_gain, update_interval=interval,
+        sampling_period=step,
+    )  # fmt: skip
     rms, component = errors_under_a_sine(observer, 10.0, 10)
     theory = (INERTIA, observer_gain, 1.0, K1, 2000.0, interval)
     transfer = error_transfer(OMEGA, LearningLaw(*theory))[0, :, 0]

@@ -68,10 +68,11 @@ class Case(NamedTuple):
 def linear(make: Callable[[LinearModel, Units], Any], of: Units) -> Case:
     """A filter of `MODEL`, or one with an unknown input."""
     one = make(MODEL, of)
-    parts = [MEAN / of.x, np.diag(SPREAD / of.x**2)]
+    unknown: dict[str, Any] = {}
     if isinstance(one, AugmentedKalmanFilter):
-        parts += [[0.1 / of.d], 0.3 / of.d**2]
-    return Case(one, one.init(*parts), y / of.y, u / of.u, named(of.x, of))
+        unknown = {"unknown_input": [0.1 / of.d], "unknown_input_covariance": 0.3 / of.d**2}
+    start = one.init(MEAN / of.x, np.diag(SPREAD / of.x**2), **unknown)
+    return Case(one, start, y / of.y, u / of.u, named(of.x, of))
 
 
 def named(x: Array, of: Units) -> dict[str, Any]:

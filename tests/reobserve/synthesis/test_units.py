@@ -120,8 +120,7 @@ def test_placed_gains_are_those_of_any_units(seed: int, x: Array, y: Array) -> N
     a, c = x[:, None] * A / x, y[:, None] * C / x
     same_gains(answer(lambda: place(a, c, poles)), answer(lambda: place(A, C, poles)), x, y)
     one, other = (
-        LinearModel(*pair, check=False)
-        for pair in ((A, None, C, None, 0.0, 1.0), (a, None, c, None, 0.0, 1.0))
+        LinearModel(pair[0], C=pair[1], Q=0.0, R=1.0, check=False) for pair in ((A, C), (a, c))
     )
     expected = answer(lambda: luenberger(one, poles).gain)
     same_gains(answer(lambda: luenberger(other, poles).gain), expected, x, y)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.observers.contract import IntegratingObserver
 from reobserve.observers.gaussian_state import Gaussian
 from reobserve.observers.grid_filter import GridFilter
 from reobserve.observers.imm import IMM
@@ -49,16 +50,20 @@ def _recorded(
     def step(state: Any, y: Any, u: Any, before: Any, middle: Any) -> object:
         return observer.step(state, y, u, before=before, middle=middle)
 
-    between = "levant" not in type(observer).__module__  # which reads nothing between rows
-    state, time = observer.init(*start), observer.sampling_period * np.arange(len(y))
-    first = method(observer, "init", *start)
+    def run_of_rows(y: Any, u: Any, state: Any, time: Any, on_divergence: Any) -> object:
+        return observer.run(y, u, state=state, time=time, on_divergence=on_divergence)
+
+    first: Any = method(observer, "init", *start)
+    state, time = first.function(*start), observer.sampling_period * np.arange(len(y))
     name = first.name.removesuffix("init")
     yield Call(f"{first.name}{form}", first.function, start)
-    pair = (y, u) if between else None
-    yield Call(f"{name}run{form}", run, (y, u, state, time, pair, pair, "raise"))
     row = y[0], None if u is None else u[0]
-    pair = row if between else None
-    yield Call(f"{name}step{form}", step, (state, *row, pair, pair))
+    if isinstance(observer, IntegratingObserver):
+        yield Call(f"{name}run{form}", run, (y, u, state, time, (y, u), (y, u), "raise"))
+        yield Call(f"{name}step{form}", step, (state, *row, row, row))
+    else:
+        yield Call(f"{name}run{form}", run_of_rows, (y, u, state, time, "raise"))
+        yield method(observer, "step", state, *row)
 
 
 def _from_state(
