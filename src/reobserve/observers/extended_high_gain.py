@@ -295,8 +295,8 @@ Work = tuple[Array, Array, Array, Array]  # arguments and results of these: x, f
 def _add_gain(
     input_gain: Any, parameters: Array, at: Array, row: int, y: Array, gain: Array
 ) -> None:
-    """Write G(y) to the end of a row."""
-    # g_ext(y) = (0, ..., 0, G(y), 0)^T: (9)
+    """Write G(y) to the end of a row (Lechappe et al. 2018, (9))."""
+    # g_ext(y) = (0, ..., 0, G(y), 0)^T
     y[0] = at[row, 0]
     call(input_gain, (y, parameters, gain))
     at[row, at.shape[1] - 1] = gain[0]
@@ -316,7 +316,7 @@ def _interpolate(model: Model, at: Array, theta: float, row: int, work: Work) ->
 
 @kernel
 def _seen(order: int, delay: float, at: Array, row: int) -> float:
-    """The factor xi^ of (10) for an estimate of the delay."""
+    """The factor xi^ for an estimate of the delay (Lechappe et al. 2018, (10))."""
     # xi^ = G(y) sum over i = 1..m of (-1)^i tau^^(i-1) / i! u^(i)
     total, factor = 0.0, -1.0
     for i in range(1, order + 1):
@@ -328,18 +328,21 @@ def _seen(order: int, delay: float, at: Array, row: int) -> float:
 
 @kernel
 def _raw_rate(angle: float, xi: float, at: Array, row: int) -> float:
-    """The rate of the delay before its projection."""
-    # tau^' = -gain_(n+1) (x^1 - y) / xi^: (9)
+    """The rate of the delay before its projection (Lechappe et al. 2018, (9))."""
+    # tau^' = -gain_(n+1) (x^1 - y) / xi^
     rate: float = -at[row, at.shape[1] - 2] * (angle - at[row, 0]) / xi
     return rate
 
 
 @kernel
 def _mode(delay: float, rate: float, xi: float, bounds: Bounds) -> tuple[int, bool]:
-    """The mode that starts here, for a delay in its interval and its rate before projection."""
+    """The mode that starts here, for a delay in its interval and its rate before projection.
+
+    Lechappe et al. 2018, (11) and after (36).
+    """
     low, high, threshold = bounds
     off = abs(xi) < threshold or xi == 0.0
-    # tau^' = 0 where tau^ = tau_max and tau^' > 0, or tau^ = tau_min and tau^' < 0: (11)
+    # tau^' = 0 where tau^ = tau_max and tau^' > 0, or tau^ = tau_min and tau^' < 0
     held = 0
     if not off and delay == high and rate > 0.0:
         held = 1
@@ -352,7 +355,8 @@ def _mode(delay: float, rate: float, xi: float, bounds: Bounds) -> tuple[int, bo
 def _margin(delay: float, rate: float, xi: float, bounds: Bounds, mode: Mode) -> float:
     """The margin of a mode at a point that it has led to, which is zero or more while it holds.
 
-    Where xi^ changes its sign, the rate of the delay has a pole and changes its sign, too.
+    Lechappe et al. 2018, (11), (12) and after (36). Where xi^ changes its sign, the rate of the
+    delay has a pole and changes its sign, too.
     """
     (low, high, threshold), (held, off, before) = bounds, mode
     if off > 0:
@@ -361,9 +365,9 @@ def _margin(delay: float, rate: float, xi: float, bounds: Bounds, mode: Mode) ->
     # |xi^| >= threshold, with the sign of xi^ at the start of the mode
     margin = (xi if before > 0.0 else -xi) - threshold
     if held == 0:
-        # tau_min <= tau^ <= tau_max: (12)
+        # tau_min <= tau^ <= tau_max
         return min(margin, delay - low, high - delay)
-    # tau^' >= 0 at tau_max, tau^' <= 0 at tau_min: (11)
+    # tau^' >= 0 at tau_max, tau^' <= 0 at tau_min
     return min(margin, held * rate)
 
 
@@ -374,7 +378,8 @@ def _runge_kutta(
 ) -> None:  # fmt: skip
     """One Runge-Kutta step in one mode, with the three rows of inputs from ``base`` on.
 
-    It starts at the point in row _FROM and writes its end to row _TO.
+    Lechappe et al. 2018, (9) and (10). It starts at the point in row _FROM and writes its end to
+    row _TO.
     """
     n, gains = len(size), 2 + order
     (parameters, drift, _), (x, f, _, _), (held, off, _) = model, work, mode
@@ -385,13 +390,13 @@ def _runge_kutta(
         ahead = h if stage == 2 else 0.5 * h
         weight = 2.0 if stage in (1, 2) else 1.0
         call(drift, (x, parameters, f))
-        # xi^ of (10), the code of `_seen`: numba assumes that a call may raise.
+        # xi^ by the code of `_seen`: numba assumes that a call may raise.
         total, factor = 0.0, -1.0
         for i in range(1, order + 1):
             total += factor * at[row, 1 + i]
             factor *= -x[n] / (i + 1)
         xi = at[row, gains + n + 1] * total
-        # x^i' = x^(i+1) + f_i(x^) - gain_i (x^1 - y), with xi^ tau^ + G(y) u for x^(n+1): (9)
+        # x^i' = x^(i+1) + f_i(x^) - gain_i (x^1 - y), with xi^ tau^ + G(y) u for x^(n+1)
         error = 0.0 if off == 2 else x[0] - at[row, 0]
         pushed = xi * x[n] + at[row, gains + n + 1] * at[row, 1]
         for i in range(n):
@@ -431,7 +436,7 @@ def _go(
     It starts at the point in row _FROM and writes its end to row _TO.
     """
     n, base = len(size), _cut(model, at, start, end, work)
-    # X^(t + end h) = X^(t + start h) + integral of X^' of the mode: (9)
+    # X^(t + end h) = X^(t + start h) + integral of X^' of the mode
     _runge_kutta(model, size, order, at, base, (end - start) * step, mode, points, work)
     xi = _seen(order, points[_TO, n], at, base + 2)
     rate = _raw_rate(points[_TO, 0], xi, at, base + 2)
@@ -476,7 +481,7 @@ def _run(
 ) -> int:  # fmt: skip
     """Fill ``states`` from its first row, and return the number of finite rows.
 
-    Lechappe et al. 2018, (9) to (11), after (8), before (9) and after (36).
+    Lechappe et al. 2018, (9) to (12), after (8), before (9) and after (36).
 
     ``switched`` is 1 if only the gain of the delay is switched off, 2 if all gains are. ``right``
     and ``left`` hold the inputs, two rows for each step, and their limits from the left. The share
@@ -503,7 +508,7 @@ def _run(
         for change in range(MAX_CHANGES):
             xi = _seen(order, points[_FROM, n], at, here)
             rate = _raw_rate(points[_FROM, 0], xi, at, here)
-            # tau_min <= tau^ <= tau_max: (12)
+            # tau_min <= tau^ <= tau_max
             points[_FROM, n] = min(max(points[_FROM, n], low), high)
             held, off = _mode(points[_FROM, n], rate, xi, bounds)
             mode, end = (held, switched if off else 0, xi), 1.0

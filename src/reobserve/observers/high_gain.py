@@ -149,7 +149,10 @@ def _run(
     record: HighGainRecord,
     rows: Array,
 ) -> int:
-    """Fill ``rows`` from its first one, and return the number of finite rows."""
+    """Fill ``rows`` from its first one, and return the number of finite rows.
+
+    Lechappe et al. 2018, (36).
+    """
     n = rows.shape[1]
     slopes, x, f = np.empty((4, n)), np.empty(n), np.empty(n)
     measured, known, driven = np.empty(3), np.empty(3), np.empty(3)
@@ -169,7 +172,7 @@ def _run(
                 x[i] = rows[k, i]
                 if stage > 0:
                     x[i] += (step if stage == 3 else 0.5 * step) * slopes[stage - 1, i]
-            # x^i' = x^(i+1) + f_i(x^) - gain_i (x^1 - y), with G(y) u(t - tau_m) for x^(n+1): (36)
+            # x^i' = x^(i+1) + f_i(x^) - gain_i (x^1 - y), with G(y) u(t - tau_m) for x^(n+1)
             call(drift, (x, parameters, f))
             error = x[0] - measured[place]
             for i in range(n):

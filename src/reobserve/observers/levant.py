@@ -157,10 +157,7 @@ class LevantDifferentiator(Observer[LevantState]):
 
     def _fill(self, state: LevantState, record: Record) -> Rows:
         last = np.empty(0) if state.sample is None else state.sample
-        samples, begun = (
-            np.append(last, record.y),
-            len(last),
-        )  # the row of the last one is already computed
+        samples, begun = np.append(last, record.y), len(last)  # whose row is already computed
         steps = len(samples) - 1
         rows = np.empty((steps + 1, self.order + 1))
         rows[0] = state.derivatives
@@ -174,10 +171,11 @@ class LevantDifferentiator(Observer[LevantState]):
 def _run(law: LevantCoefficients, samples: Array, rows: Array) -> int:
     """Fill ``rows`` from its first one, and return the number of finite rows.
 
-    The chain of integrators is advanced exactly by its Taylor polynomial, and only the injection by
-    Euler's rule. Euler's rule for both omits T^2/2 z2 and so on, which do not vanish with the
-    error: z1 is then accurate to order 1 in T only, for any n (Livne & Levant 2014). With the
-    polynomial the steps keep the homogeneity of the differentiator, and zi its order n + 1 - i.
+    Lechappe et al. 2018, (37). The chain of integrators is advanced exactly by its Taylor
+    polynomial, and only the injection by Euler's rule. Euler's rule for both omits T^2/2 z2 and so
+    on, which do not vanish with the error: z1 is then accurate to order 1 in T only, for any n
+    (Livne & Levant 2014). With the polynomial the steps keep the homogeneity of the differentiator,
+    and zi its order n + 1 - i.
     """
     lines = rows.shape[1]
     due = FIRST
@@ -191,7 +189,7 @@ def _run(law: LevantCoefficients, samples: Array, rows: Array) -> int:
         if error != 0.0:
             sign = 1.0 if error > 0.0 else -1.0
         size = abs(error)
-        # s_i = lambda_i L^(1/(n+1-i)) s_(i-1)^((n-i)/(n+1-i)), from s_(-1) = |z0 - u|: (37)
+        # s_i = lambda_i L^(1/(n+1-i)) s_(i-1)^((n-i)/(n+1-i)), from s_(-1) = |z0 - u|
         # z_i(k+1) = sum_j T^j/j! z_(i+j)(k) - T s_i sign(z0 - u)
         for i in range(lines):
             size = law.factors[i] * (size ** law.exponents[i] if i + 1 < lines else 1.0)
