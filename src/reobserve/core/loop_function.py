@@ -11,15 +11,12 @@ from __future__ import annotations
 import copyreg
 import ctypes
 import dis
-import itertools
 import threading
-import weakref
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from pickle import PicklingError
 from typing import Any
 
-import llvmlite.binding
 import numba
 import numpy as np
 from llvmlite import ir
@@ -36,11 +33,8 @@ Array = NDArray[np.float64]
 # Called with arrays that are copies, flat, but for the last one: it writes to that.
 Again = Callable[..., None]
 
-_SYMBOL = "reobserve_loop_function_failed"
 _WORD = ir.IntType(64)
 _RAISE = dis.opmap["RAISE_VARARGS"]
-_NUMBERS = itertools.count(1)
-_AGAIN: dict[int, Again] = {}  # by the number that is compiled into the pointer
 
 
 class _OfThread(threading.local):
@@ -64,12 +58,10 @@ class RaisedAfterLoop:
             raise problem from None
 
 
-def _failed(number: int, addresses: int, sizes: int, count: int) -> None:
-    """Call a function again, from Python."""
+def _failed(again: Again, *places: int) -> None:
+    """Call a function again, from Python, with arrays at addresses, each followed by the size."""
     arrays = []
-    for k in range(count):
-        size = ctypes.c_int64.from_address(sizes + 8 * k).value
-        address = ctypes.c_int64.from_address(addresses + 8 * k).value
+    for address, size in zip(places[::2], places[1::2], strict=True):
         kind = ctypes.c_double * size
         arrays.append(np.ctypeslib.as_array(kind.from_address(address)) if size else np.empty(0))
     *given, out = arrays
@@ -77,18 +69,12 @@ def _failed(number: int, addresses: int, sizes: int, count: int) -> None:
     if _OF_THREAD.problem is not None:
         return
     try:
-        _AGAIN[number](*(array.copy() for array in given), out)
+        again(*(array.copy() for array in given), out)
     except BaseException as error:  # raised after the loop
         out[:] = np.nan
         # Where the state is nan already the loop ends for that.
         if not isinstance(error, Exception) or not any(np.isnan(array).any() for array in given):
             _OF_THREAD.problem = error
-
-
-_CALLED = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)(
-    _failed
-)
-llvmlite.binding.add_symbol(_SYMBOL, ctypes.cast(_CALLED, ctypes.c_void_p).value)
 
 
 def loop_pointer(
@@ -107,17 +93,17 @@ def loop_pointer(
     pickled
         A function and its arguments, which make the pointer of a pickle or of a copy.
     """
-    number = next(_NUMBERS)
-    _AGAIN[number] = again
-    parameters = ", ".join(f"a{k}" for k in range(len(signature.args)))
-    namespace = {"call": _call_guarded, "inner": inner, "number": number, "copies": copies}
-    code = f"def function({parameters}):\n    call(inner, number, copies, ({parameters},))\n"
+    count = len(signature.args)
+    failed = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 2 * count)(partial(_failed, again))
+    address = ctypes.cast(failed, ctypes.c_void_p).value
+    parameters = ", ".join(f"a{k}" for k in range(count))
+    namespace = {"call": _call_guarded, "inner": inner, "address": address, "copies": copies}
+    code = f"def function({parameters}):\n    call(inner, address, copies, ({parameters},))\n"
     exec(code, namespace)
     with compiling:
         pointer: Any = numba.cfunc(signature, error_model="numpy")(namespace["function"])
-    namespace["call"] = lambda inner, number, copies, given: again(*given)  # for Python
-    pointer.pickled = pickled
-    weakref.finalize(pointer, _AGAIN.pop, number, None)
+    namespace["call"] = lambda inner, address, copies, given: again(*given)  # for Python
+    pointer.pickled, pointer.failed = pickled, failed
     copyreg.pickle(type(pointer), _pickled)
     return pointer
 
@@ -158,7 +144,7 @@ def _by_statement(error: Exception) -> bool:
 
 
 @intrinsic(prefer_literal=True)
-def _call_guarded(_: Any, inner: Any, number: Any, copies: Any, arguments: Any) -> Any:
+def _call_guarded(_: Any, inner: Any, address: Any, copies: Any, arguments: Any) -> Any:
     """Compile a call of ``inner``, and of `_failed` if it raises."""
     compiled = None
     if isinstance(inner, types.Dispatcher):
@@ -178,28 +164,22 @@ def _call_guarded(_: Any, inner: Any, number: Any, copies: Any, arguments: Any) 
                 builder, compiled.fndesc, compiled.signature, passed
             )
             with builder.if_then(status.is_error, likely=False):
-                _call_failed(context, builder, number.literal_value, kinds, given)
+                _call_failed(context, builder, address.literal_value, kinds, given)
         else:
-            _call_failed(context, builder, number.literal_value, kinds, given)
+            _call_failed(context, builder, address.literal_value, kinds, given)
         return context.get_dummy_value()
 
-    return types.void(inner, number, copies, arguments), generate
+    return types.void(inner, address, copies, arguments), generate
 
 
-def _call_failed(context: Any, builder: Any, number: int, kinds: Any, given: Any) -> None:
-    """Call `_failed` with the addresses and the sizes of arrays."""
-    count = _WORD(len(kinds))
-    addresses, sizes = (builder.alloca(_WORD, size=count) for _ in range(2))
-    for k, (kind, value) in enumerate(zip(kinds, given, strict=True)):
+def _call_failed(context: Any, builder: Any, failed: int, kinds: Any, given: Any) -> None:
+    """Call `_failed` at an address with the addresses and the sizes of arrays."""
+    words = []
+    for kind, value in zip(kinds, given, strict=True):
         array = context.make_helper(builder, kind, value=value)
-        address = builder.ptrtoint(array.data, _WORD)
-        builder.store(address, builder.gep(addresses, [_WORD(k)]))
-        builder.store(array.nitems, builder.gep(sizes, [_WORD(k)]))
-    pointer = _WORD.as_pointer()
-    kind = ir.FunctionType(ir.VoidType(), [_WORD, pointer, pointer, _WORD])
-    known = builder.module.globals
-    function = known[_SYMBOL] if _SYMBOL in known else ir.Function(builder.module, kind, _SYMBOL)
-    builder.call(function, [_WORD(number), addresses, sizes, count])
+        words += [builder.ptrtoint(array.data, _WORD), array.nitems]
+    function = ir.FunctionType(ir.VoidType(), [_WORD] * len(words))
+    builder.call(builder.inttoptr(_WORD(failed), function.as_pointer()), words)
 
 
 def _copy(context: Any, builder: Any, kind: Any, given: Any) -> Any:
