@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import inspect
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from contextlib import suppress
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache, partial
-from types import CellType, CodeType, FunctionType, ModuleType
+from dataclasses import dataclass
+from functools import cached_property, partial
+from types import CellType, FunctionType, ModuleType
 from typing import Any
 
 import numba
@@ -25,7 +25,7 @@ from numba.extending import is_jitted
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, one_line, shown
-from reobserve.core.frozen_function import FrozenFunction
+from reobserve.core.frozen_function import FrozenFunction, names_in
 from reobserve.core.kernel_cache import compiling
 from reobserve.core.loop_function import in_its_words, loop_pointer
 from reobserve.core.vector_field import VECTOR_FIELD
@@ -128,33 +128,30 @@ class UserFunction:
 
     def compiled(self) -> tuple[Any, str]:
         """A function pointer ``(x, v, out)`` for compiled loops, and why numba refused, or ""."""
-        pointer, refusal = _by_numba(FrozenFunction(self.function), _Asked(self))
+        behind = self.inputs, len(self.parameters)
+        key = FrozenFunction(self.function), self.name, self.states, *behind, self.shape
+        with compiling:
+            if key not in _COMPILED:
+                if len(_COMPILED) >= 256:
+                    _COMPILED.clear()
+                _COMPILED[key] = _by_numba(self)
+            pointer, refusal = _COMPILED[key]
         if refusal:
             pointer = loop_pointer(VECTOR_FIELD, None, partial(self._again, self._python))
         return pointer, refusal
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """A user's function, equal to others that are to be compiled alike if the function is."""
-
-    user: UserFunction = field(compare=False)
-    key: tuple[Any, ...] = field(init=False)
-
-    def __post_init__(self) -> None:
-        user = self.user
-        behind = user.inputs, len(user.parameters)
-        object.__setattr__(self, "key", (user.name, user.states, *behind, user.shape))
+# Pointers, and why numba refused, or "": each function is compiled once a process.
+_COMPILED: dict[Hashable, tuple[Any, str]] = {}
 
 
-@lru_cache(maxsize=256)
-def _by_numba(frozen: FrozenFunction, asked: _Asked) -> tuple[Any, str]:
-    """A pointer, and why numba refused, or "", from one compilation a process."""
-    given, user = frozen.function, asked.user
+def _by_numba(user: UserFunction) -> tuple[Any, str]:
+    """A pointer, and why numba refused, or ""."""
+    given = user.function
     arguments = user.arguments
     inputs = user.inputs if user.parameters else None
     signature = (VECTOR_FIELD.args[0],) * arguments
-    with compiling, warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             value = _copied(given, {}, _with_bounds)
@@ -191,7 +188,7 @@ def _copied(given: Any, seen: dict[Any, Any], make: Callable[[Any, Any], Any]) -
     )  # fmt: skip
     copy.__kwdefaults__, copy.__module__ = function.__kwdefaults__, function.__module__
     made = seen[given] = make(copy, given)
-    names, known = _names_in(function.__code__), copy.__globals__
+    names, known = names_in(function.__code__), copy.__globals__
     for name in names & known.keys():
         known[name] = _copied_value(known[name], names, seen, make)
     for cell, old in zip(copy.__closure__ or (), function.__closure__ or (), strict=True):
@@ -213,15 +210,6 @@ def _copied_value(value: Any, names: set[str], seen: dict[Any, Any], make: Any) 
     module = ModuleType(value.__name__)
     vars(module).update(vars(value) | copies)
     return module
-
-
-def _names_in(code: CodeType) -> set[str]:
-    """Names of globals in a code object and in those inside it."""
-    names = set(code.co_names)
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            names |= _names_in(constant)
-    return names
 
 
 class _NoValueError(Exception):

@@ -118,6 +118,7 @@ def test_array_of_which_numba_compiles_the_address_counts_by_identity(array: Any
 
 SAME = [
     (float("nan"), float("nan")),
+    ((10**5000,), (10**5000,)),  # too many digits to be shown
     ((1, "a", 2.5), (1, "a", 2.5)),
     (np.float32(1.5), np.float32(1.5)),
     (closed_over(1.0), closed_over(1.0)),
@@ -152,12 +153,11 @@ def test_two_functions_differ() -> None:
     assert FrozenFunction(jitted) == FrozenFunction(jitted)
 
 
-def test_what_is_not_looked_through_equals_nothing() -> None:
+def test_very_long_chain_of_functions_equals_nothing() -> None:
     chain = closed_over(1.0)
     for _ in range(1000):
         chain = closed_over(chain)
-    for function in (math.sin, chain, "text".join):
-        assert FrozenFunction(function) != FrozenFunction(function)
+    assert FrozenFunction(chain) != FrozenFunction(chain)
 
 
 def empty_cell() -> Callable[..., Any]:

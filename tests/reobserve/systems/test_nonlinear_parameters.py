@@ -6,6 +6,7 @@ import math
 import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -291,6 +292,55 @@ def test_new_model_reads_a_global_that_has_changed(monkeypatch: pytest.MonkeyPat
     assert np.array_equal(estimates(first), before)
     same = NonlinearModel(lambda x, u: [x[0] + 1.25 * x[1], x[1] + u[0]], lambda x: x[0], **SIZES)
     assert np.array_equal(after, estimates(same))
+
+
+FACTORS = (1.0, 3.0)
+SCALES = np.array([1.0, 2.0])
+SHIFTS = ModuleType("shifts")
+SHIFTS.shift = 0.5  # type: ignore[attr-defined]
+
+
+@njit
+def inner_helper(x: float) -> float:
+    return GAIN * x * FACTORS[1]
+
+
+@njit
+def helper(x: float) -> float:
+    return inner_helper(x) * SCALES[1] + SHIFTS.shift  # type: ignore[no-any-return]
+
+
+def calls_helper(x: Array, u: Array) -> list[float]:
+    return [helper(x[0]), x[1] + u[0]]
+
+
+CHANGES: list[Callable[[pytest.MonkeyPatch], None]] = [
+    lambda patch: patch.setitem(globals(), "GAIN", 1.25),
+    lambda patch: patch.setitem(globals(), "FACTORS", (1.0, 4.0)),
+    lambda patch: patch.setitem(globals(), "SCALES", SCALES.copy()),
+    lambda patch: SCALES.__setitem__(1, 5.0),
+    lambda patch: patch.setattr(SHIFTS, "shift", 0.75),
+    lambda patch: patch.setitem(globals(), "inner_helper", njit(lambda x: x - GAIN)),
+]
+
+
+def test_new_model_reads_what_has_changed_behind_helpers(
+    monkeypatch: pytest.MonkeyPatch, compiled: list[CFunc]
+) -> None:
+    """Of the six changes the third is to a copy of an array, of which numba makes the same."""
+
+    def predicted() -> float:
+        model = NonlinearModel(calls_helper, lambda x: x[0], **SIZES)
+        one = ExtendedKalmanFilter(model)
+        return float(one.predict(one.init([0.7, 0.2], 1.0).posterior, [0.3]).mean[0])
+
+    predicted()
+    for number, change in enumerate(CHANGES):
+        compiled.clear()
+        change(monkeypatch)
+        scaled = 0.7 - GAIN if number == 5 else GAIN * 0.7 * FACTORS[1]
+        assert predicted() == scaled * SCALES[1] + SHIFTS.shift
+        assert len(compiled) == (number != 2)
 
 
 def fails_at_two(x: Array, u: Array, p: Array) -> list[float]:
