@@ -216,6 +216,7 @@ def filter_gain(model: LinearModel, predictor_gain: ArrayLike) -> Array:
 def _given_gain(
     cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
 ) -> None:
+    # K = L
     n, m = gain.shape
     for a in range(n):
         for o in range(m):

@@ -58,6 +58,8 @@ Array = NDArray[np.float64]
 
 EVEN = 1e-9  # of the sampling period: by how much even times may differ
 DT_AND_TIME = 1e-6  # of the sampling period: how far times may be from those that dt led to
+ROWS_FOR_THREADS = 10_000  # of all records: fewer are done before threads have started
+KEPT = PredictedRows._fields
 
 
 def uneven_times(
@@ -149,20 +151,6 @@ def posteriors_of(states: Sequence[KalmanState], n: int, m: int) -> FilterPoster
         if state.noise is not None:
             copies.noises[r] = state.noise
     return copies
-
-
-def innovation_deviation(observer: GaussianFilter, state: KalmanState) -> Array:
-    """The standard deviations of the next row's innovation, shape (m,), if the model is right.
-
-    It raises what `predict` and `correct` do.
-    """
-    ahead = observer.predict(observer._checked(state).posterior, np.zeros(observer.inputs))
-    row = observer.correct(ahead, np.zeros(observer.measurements), np.zeros(observer.inputs))
-    return np.sqrt(np.diag(row.innovation_covariance))
-
-
-ROWS_FOR_THREADS = 10_000  # of all records: fewer are done before threads have started
-KEPT = PredictedRows._fields
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -523,3 +511,13 @@ class GaussianFilter(Observer[KalmanState]):
         if same and held is None:
             return given
         return KalmanState(posterior, sample, given.count, held, time, noise)
+
+
+def innovation_deviation(observer: GaussianFilter, state: KalmanState) -> Array:
+    """The standard deviations of the next row's innovation, shape (m,), if the model is right.
+
+    It raises what `predict` and `correct` do.
+    """
+    ahead = observer.predict(observer._checked(state).posterior, np.zeros(observer.inputs))
+    row = observer.correct(ahead, np.zeros(observer.measurements), np.zeros(observer.inputs))
+    return np.sqrt(np.diag(row.innovation_covariance))

@@ -42,7 +42,6 @@ from reobserve.core.matrices import (
     as_row_stochastic,
 )
 from reobserve.core.value import Value, for_loop
-from reobserve.observers import kalman as linear
 from reobserve.observers.contract import Observer, OnDivergence
 from reobserve.observers.gaussian_filter import GaussianFilter, uneven_times
 from reobserve.observers.gaussian_state import (
@@ -62,13 +61,29 @@ from reobserve.observers.gaussian_state import (
     sample_before,
     warn_of_start,
 )
-from reobserve.observers.kalman import BEGUN, LINEAR, NEGATIVE_CAUSE, shortest
+from reobserve.observers.kalman import (
+    LINEAR,
+    NEGATIVE_CAUSE,
+    LinearWork,
+    assign,
+    correct,
+    fill,
+    is_missing,
+    new_linear_work,
+    output_error,
+    predict,
+    shortest,
+    weight_of_row,
+)
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, Estimate, Run, names_by_model
 from reobserve.systems.linear import ModelRows
 from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
+
+LEAST = 1e-280  # a sum of probabilities above this has all its digits
+FAR = -1000.0  # a logarithm below this loses digits of the logarithm of a sum that is added to it
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -101,47 +116,6 @@ class ImmState(Value):
         return tuple(Gaussian(*part) for part in parts)
 
 
-def check_filters(filters: Any) -> None:
-    """Refuse what is no list of filters that a bank can mix.
-
-    Raises
-    ------
-    InputError
-        With the filter that differs from the first.
-    """
-    if not isinstance(filters, list | tuple) or not filters:
-        raise InputError("filters", f"{shown(filters)} must be a list of one filter or more")
-    for j, mode in enumerate(filters):
-        wanted = ("predict", "correct", "model")
-        if isinstance(mode, type) or not all(hasattr(mode, part) for part in wanted):
-            problem = f"{shown(mode)} must have a model, predict and correct"
-            raise InputError(f"filters[{j}]", problem)
-        size, first = size_of(mode), size_of(filters[0])
-        if size != first:
-            problem = f"has {size} states, inputs and outputs, the first filter {first}"
-            raise InputError(f"filters[{j}]", problem)
-        period, first_period = mode.model.sampling_period, filters[0].model.sampling_period
-        if period != first_period:
-            problem = f"has a sampling period of {period:g} s, the first {first_period:g} s"
-            raise InputError(f"filters[{j}]", problem)
-        for name in ("gate", "noise_memory"):
-            if getattr(mode, name, None) is not None:
-                problem = f"has {name} of its own: the bank takes it, for all filters"
-                raise InputError(f"filters[{j}]", problem)
-        if not all(map(np.array_equal, periods_of(mode), periods_of(filters[0]))):
-            problem = "has other periods of angles than the first filter"
-            raise InputError(f"filters[{j}]", problem)
-
-
-def size_of(mode: ModeFilter) -> tuple[int, int, int]:
-    """The numbers of states, inputs and outputs of a filter."""
-    model = getattr(mode, "whole", mode.model)
-    return model.states, model.inputs, model.outputs
-
-
-LEAST = 1e-280  # a sum of probabilities above this has all its digits
-
-
 class Posteriors(NamedTuple):
     """Means (r, n), covariances (r, n, n) and output errors (r, m) of all filters, and log mu.
 
@@ -155,6 +129,16 @@ class Posteriors(NamedTuple):
     log_probabilities: Array
     noise: Array
     begun: Array
+
+
+class Bank(NamedTuple):
+    """Matrices of all filters by row, (., r, ...), their parameters, p_ij, and the bank's gate."""
+
+    model: ModelRows
+    parameters: Array
+    transition: Array
+    mixing: bool
+    gate: float = math.inf
 
 
 class BankRows(NamedTuple):
@@ -185,7 +169,7 @@ class BankWork(NamedTuple):
     taken: Array
     changes: Array
     apart: Array
-    of_filter: linear.LinearWork
+    of_filter: LinearWork
 
 
 def new_bank_work(posteriors: Posteriors, mixing: bool, rules: Rules | None = None) -> BankWork:
@@ -198,7 +182,7 @@ def new_bank_work(posteriors: Posteriors, mixing: bool, rules: Rules | None = No
     mixed = Posteriors(means, covariances, errors, np.empty(r), *posteriors[4:])
     return BankWork(
         np.empty((r, r)), mixed, np.empty(r), np.empty(m), np.zeros((r, m)), np.empty((r, n)),
-        linear.new_linear_work(n, m, rules),
+        new_linear_work(n, m, rules),
     )  # fmt: skip
 
 
@@ -210,28 +194,13 @@ def new_bank_rows(
     return BankRows(*map(np.empty, (*shapes, (k if learned else 1, m))))
 
 
-FAR = -1000.0  # a logarithm below this loses digits of the logarithm of a sum that is added to it
-
-
-class Bank(NamedTuple):
-    """Matrices of all filters by row, (., r, ...), their parameters, p_ij, and the bank's gate."""
-
-    model: ModelRows
-    parameters: Array
-    transition: Array
-    mixing: bool
-    gate: float = math.inf
-
-
 @inlined_kernel
 def mixing_probabilities(
     transition: Array, log_probabilities: Array, weights: Array, predicted: Array
 ) -> None:
     """Write mu(i|j) to ``weights[j, i]`` and log c_j to ``predicted``.
 
-    Gadsden et al. 2011, (7) and (8).
-
-    A mode that cannot be reached keeps to itself.
+    Gadsden et al. 2011, (7) and (8). A mode that cannot be reached keeps to itself.
     """
     # c_j = sum_i p_ij mu_i,   mu(i|j) = p_ij mu_i / c_j
     r = len(log_probabilities)
@@ -263,38 +232,15 @@ def mixing_probabilities(
 
 
 @inlined_kernel
-def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> float:
-    """Weigh predicted modes by their likelihoods, and return the logarithm of c.
-
-    Gadsden et al. 2011, (20) and (21).
-
-    It is the log-likelihood of the measurement over all modes.
-    """
-    # c = sum_j L_j c_j,   mu_j = L_j c_j / c
-    greatest, total = -math.inf, 0.0
-    for j in range(len(log_probabilities)):
-        log_probabilities[j] += log_likelihoods[j]
-        greatest = max(greatest, log_probabilities[j])
-    for value in log_probabilities:
-        total += math.exp(value - greatest)
-    rest = math.log(total)
-    whole = greatest + rest
-    for j in range(len(log_probabilities)):
-        if greatest > FAR:
-            log_probabilities[j] -= whole
-        else:
-            log_probabilities[j] = (log_probabilities[j] - greatest) - rest
-    return whole
-
-
-@inlined_kernel
 def average(weights: Array, means: Array, a: int, period: float) -> float:
     """The mean of entry a by weights that sum to one, of angles around that of the largest."""
     total = 0.0
+    # x = sum_i w_i x_i
     if period == 0.0:
         for i in range(len(weights)):
             total += weights[i] * means[i, a]
         return total
+    # x = x_l + sum_i w_i (x_i - x_l), where w_l is the largest weight
     likely = 0
     for i in range(len(weights)):
         if weights[i] > weights[likely]:
@@ -304,8 +250,28 @@ def average(weights: Array, means: Array, a: int, period: float) -> float:
     return shortest(means[likely, a] + total, period)
 
 
-# mu(i|j) = p_ij mu_i / c_j,   c_j = sum_i p_ij mu_i
-# x0_j = sum_i mu(i|j) x_i,   P0_j = sum_i mu(i|j) (P_i + (x_i - x0_j) (x_i - x0_j)')
+@inlined_kernel
+def mix(
+    weights: Array, posteriors: Posteriors, mean: Array, covariance: Array, work: BankWork
+) -> None:
+    """Write the mean and the covariance of the filters' posteriors with these weights."""
+    r, n = posteriors.means.shape
+    periods, apart = work.of_filter.rules.state_periods, work.apart
+    # x = sum_i w_i x_i
+    for a in range(n):
+        mean[a] = average(weights, posteriors.means, a, periods[a])
+        for i in range(r):
+            apart[i, a] = shortest(posteriors.means[i, a] - mean[a], periods[a])
+    # P = sum_i w_i (P_i + (x_i - x) (x_i - x)')
+    for a in range(n):
+        for b in range(a + 1):
+            total = 0.0
+            for i in range(r):
+                spread = posteriors.covariances[i, a, b] + apart[i, a] * apart[i, b]
+                total += weights[i] * spread
+            covariance[a, b] = covariance[b, a] = total
+
+
 @inlined_kernel
 def interact(transition: Array, mixing: bool, posteriors: Posteriors, work: BankWork) -> None:
     """Mix the filters' posteriors, and predict the modes (Gadsden et al. 2011, (9) and (10))."""
@@ -313,33 +279,22 @@ def interact(transition: Array, mixing: bool, posteriors: Posteriors, work: Bank
     mixing_probabilities(transition, posteriors.log_probabilities, weights, mixed.log_probabilities)
     if not mixing:
         return
-    r, n = posteriors.means.shape
-    means, periods, apart = posteriors.means, work.of_filter.rules.state_periods, work.apart
-    for j in range(r):
-        for a in range(n):
-            mixed.means[j, a] = average(weights[j], means, a, periods[a])
-            for i in range(r):
-                apart[i, a] = shortest(means[i, a] - mixed.means[j, a], periods[a])
-        for a in range(n):
-            for b in range(a + 1):
-                total = 0.0
-                for i in range(r):
-                    spread = posteriors.covariances[i, a, b] + apart[i, a] * apart[i, b]
-                    total += weights[j, i] * spread
-                mixed.covariances[j, a, b] = mixed.covariances[j, b, a] = total
+    # x0_j = sum_i mu(i|j) x_i,   P0_j = sum_i mu(i|j) (P_i + (x_i - x0_j) (x_i - x0_j)')
+    for j in range(len(weights)):
+        mix(weights[j], posteriors, mixed.means[j], mixed.covariances[j], work)
 
 
-# x_j = A_j x0_j + B_j u,   P_j = A_j P0_j A_j' + Q_j
 @inlined_kernel
-def predict(
+def predict_modes(
     model: ModelRows, k: int, controls: Array, posteriors: Posteriors, work: BankWork
 ) -> None:
     """Time update of all filters to row k, (11) and (12)."""
     A, B = model.A[min(k, len(model.A) - 1)], model.B[min(k, len(model.B) - 1)]
     Q, mixed = model.Q[min(k, len(model.Q) - 1)], work.mixed
-    linear.assign(posteriors.log_probabilities, mixed.log_probabilities)
+    # mu_j = c_j,   x_j = A_j x0_j + B_j u,   P_j = A_j P0_j A_j' + Q_j
+    assign(posteriors.log_probabilities, mixed.log_probabilities)
     for j in range(len(A)):
-        linear.predict(
+        predict(
             A[j], B[j], Q[j], controls[min(j, len(controls) - 1)], mixed.means[j],
             mixed.covariances[j], posteriors.means[j], posteriors.covariances[j], work.of_filter,
         )  # fmt: skip
@@ -362,7 +317,7 @@ def leave_out_outliers(
     for j in range(len(C)):
         mean, P = posteriors.means[j], posteriors.covariances[j]
         control = controls[min(j, len(controls) - 1)]
-        linear.output_error(C[j], D[j], measurement, control, mean, inner.scaled, inner)
+        output_error(C[j], D[j], measurement, control, mean, inner.scaled, inner)
         for o in range(len(measurement)):
             # S_oo = c P c' + R_oo
             variance = posteriors.noise[o] if inner.rules.forgetting > 0.0 else R[j, o, o]
@@ -379,20 +334,34 @@ def leave_out_outliers(
             outliers[o] = 0.0
 
 
-# e_j = y - C_j x_j - D_j u,   S_j = C_j P_j C_j' + R_j,   x_j += K_j e_j
-# L_j = N(e_j; 0, S_j),   mu_j = L_j c_j / c,   c = sum_j L_j c_j
 @inlined_kernel
-def correct(
-    bank: Bank,
-    k: int,
-    function: Callable[..., None] | None,
-    measurement: Array,
-    controls: Array,
-    posteriors: Posteriors,
-    innovations: Array,
-    outliers: Array,
-    work: BankWork,
-) -> float:
+def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> float:
+    """Weigh predicted modes by their likelihoods, and return the logarithm of c.
+
+    Gadsden et al. 2011, (20) and (21); log c is the measurement's log-likelihood over all modes.
+    """
+    # c = sum_j L_j c_j,   mu_j = L_j c_j / c
+    greatest, total = -math.inf, 0.0
+    for j in range(len(log_probabilities)):
+        log_probabilities[j] += log_likelihoods[j]
+        greatest = max(greatest, log_probabilities[j])
+    for value in log_probabilities:
+        total += math.exp(value - greatest)
+    rest = math.log(total)
+    whole = greatest + rest
+    for j in range(len(log_probabilities)):
+        if greatest > FAR:
+            log_probabilities[j] -= whole
+        else:
+            log_probabilities[j] = (log_probabilities[j] - greatest) - rest
+    return whole
+
+
+@inlined_kernel
+def correct_modes(
+    bank: Bank, k: int, function: Callable[..., None] | None, measurement: Array, controls: Array,
+    posteriors: Posteriors, innovations: Array, outliers: Array, work: BankWork,
+) -> float:  # fmt: skip
     """Measurement update of all filters and of the modes, (13) to (21).
 
     Return the log-likelihood of the measurement, 0 if it is missing.
@@ -400,28 +369,30 @@ def correct(
     C, D = bank.model.C[min(k, len(bank.model.C) - 1)], bank.model.D[min(k, len(bank.model.D) - 1)]
     R, log_likelihoods = bank.model.R[min(k, len(bank.model.R) - 1)], work.log_likelihoods
     rules = work.of_filter.rules
-    weight = max(rules.forgetting, 1.0 / (posteriors.begun[0] + k + BEGUN))
+    weight = weight_of_row(posteriors.begun[0] + k, rules.forgetting)
     if bank.gate < math.inf:
         leave_out_outliers(bank, k, measurement, controls, posteriors, outliers, work)
         measurement = work.taken
-    missing = linear.is_missing(measurement)
+    missing = is_missing(measurement)
+    # e_j = y - C_j x_j - D_j u,   S_j = C_j P_j C_j' + R_j,   L_j = N(e_j; 0, S_j)
+    # x_j = x_j + K_j e_j,   P_j = (I - K_j C_j) P_j (I - K_j C_j)' + K_j R_j K_j'
     for j in range(len(C)):
         if missing:
-            linear.fill(innovations[j], math.nan)
+            fill(innovations[j], math.nan)
             log_likelihoods[j] = 0.0
         else:
-            log_likelihoods[j] = linear.correct(
+            log_likelihoods[j] = correct(
                 C[j], D[j], R[j], posteriors.noise, weight, function, bank.parameters[j],
-                measurement,
-                controls[min(j, len(controls) - 1)], posteriors.means[j],
+                measurement, controls[min(j, len(controls) - 1)], posteriors.means[j],
                 posteriors.covariances[j], posteriors.errors[j], innovations[j], work.of_filter,
             )  # fmt: skip
-            linear.assign(work.changes[j], work.of_filter.change)
+            assign(work.changes[j], work.of_filter.change)
+    # mu_j = L_j c_j / c,   c = sum_j L_j c_j
     whole = update_probabilities(posteriors.log_probabilities, log_likelihoods)
     if missing:
         return 0.0
     if rules.forgetting > 0.0:
-        # The change of R is the mean of those of the modes
+        # R = R + sum_j mu_j change_j
         for o in range(len(measurement)):
             for j in range(len(C)):
                 share = math.exp(posteriors.log_probabilities[j])
@@ -429,32 +400,21 @@ def correct(
     return whole
 
 
-# x = sum_j mu_j x_j,   P = sum_j mu_j (P_j + (x_j - x) (x_j - x)')
 @inlined_kernel
 def combine(posteriors: Posteriors, k: int, rows: BankRows, work: BankWork) -> bool:
     """Write the estimates of row k, and return whether they are finite.
 
     Gadsden et al. 2011, (22) and (23).
     """
-    mean, covariance, probability = rows.state, rows.covariance, rows.probability
-    periods = work.of_filter.rules.state_periods
-    r, n = posteriors.means.shape
+    mean, covariance, probability = rows.state[k], rows.covariance[k], rows.probability[k]
     whole = rows.log_likelihood[k]
-    for j in range(r):
-        probability[k, j] = math.exp(posteriors.log_probabilities[j])
-        whole += probability[k, j]
-    for a in range(n):
-        mean[k, a] = average(probability[k], posteriors.means, a, periods[a])
-        for j in range(r):
-            work.apart[j, a] = shortest(posteriors.means[j, a] - mean[k, a], periods[a])
-    for a in range(n):
-        for b in range(a + 1):
-            total = 0.0
-            for j in range(r):
-                spread = posteriors.covariances[j, a, b] + work.apart[j, a] * work.apart[j, b]
-                total += probability[k, j] * spread
-            covariance[k, a, b] = covariance[k, b, a] = total
-        whole += mean[k, a] + covariance[k, a, a]
+    for j in range(len(probability)):
+        probability[j] = math.exp(posteriors.log_probabilities[j])
+        whole += probability[j]
+    # x = sum_j mu_j x_j,   P = sum_j mu_j (P_j + (x_j - x) (x_j - x)')
+    mix(probability, posteriors, mean, covariance, work)
+    for a in range(len(mean)):
+        whole += mean[a] + covariance[a, a]
     return math.isfinite(whole)
 
 
@@ -471,86 +431,28 @@ def run_bank(
 ) -> int:
     """Filter a record: fill the rows, move the posteriors, and return the number of good rows.
 
-    Gadsden et al. 2011, after (23).
-
-    ``inputs``, (k + 1, 1 or r, p), has a row more than the record: the input of the row before,
-    then that of each row; so have A, B and Q. ``fresh`` posteriors are meant at the first row,
-    which then corrects them as they stand; else they are meant a period before.
+    Gadsden et al. 2011, after (23). ``inputs``, (k + 1, 1 or r, p), has a row more than the record:
+    the input of the row before, then that of each row; so have A, B and Q. ``fresh`` posteriors are
+    meant at the first row, which then corrects them as they stand; else they are meant a period
+    before.
     """
     due = FIRST
     for k in range(len(measurements)):
         if k >= due:
             due = poll(k)
         if k > 0 or not fresh:
+            # mu(i|j), x0_j, P0_j, then x_j(k|k-1), P_j(k|k-1)
             interact(bank.transition, bank.mixing, posteriors, work)
-            predict(bank.model, k, inputs[k], posteriors, work)
-        rows.log_likelihood[k] = correct(
+            predict_modes(bank.model, k, inputs[k], posteriors, work)
+        # x_j(k|k), P_j(k|k), mu_j, then x(k|k), P(k|k)
+        rows.log_likelihood[k] = correct_modes(
             bank, k, function, measurements[k], inputs[k + 1], posteriors, rows.innovation[k],
             rows.outlier[min(k, len(rows.outlier) - 1)], work,
         )  # fmt: skip
-        linear.assign(rows.noise_variance[min(k, len(rows.noise_variance) - 1)], posteriors.noise)
+        assign(rows.noise_variance[min(k, len(rows.noise_variance) - 1)], posteriors.noise)
         if not combine(posteriors, k, rows, work):
             return k
     return len(measurements)
-
-
-def run_one_by_one(
-    bank: IMM,
-    posteriors: Posteriors,
-    measurements: Array,
-    inputs: Array,
-    fresh: bool,
-    rows: BankRows,
-) -> tuple[int, str]:
-    """Fill the rows as `run_bank` does, and return the number of good ones and why it stopped."""
-    transition = for_loop(bank.transition)
-    work, gated = new_bank_work(posteriors, bank.mixing, bank._rules), bank.gate is not None
-    for k, y in enumerate(measurements):
-        moves = k > 0 or not fresh
-        if moves:
-            interact(transition, bank.mixing, posteriors, work)
-            posteriors.log_probabilities[:] = work.mixed.log_probabilities
-        parts = (work.mixed if moves else posteriors)[:3]
-        begun = [Gaussian(*(part[j].copy() for part in parts)) for j in range(len(bank.filters))]
-        try:
-            if moves:
-                pairs = zip(bank.filters, begun, strict=True)
-                begun = [mode.predict(posterior, inputs[k]) for mode, posterior in pairs]
-            corrections = _corrected(bank, begun, y, inputs[k + 1], rows.outlier[k * gated])
-        except DivergenceError as error:
-            return k, error.finding
-        for j, after in enumerate(corrections):
-            posteriors.means[j] = after.posterior.mean
-            posteriors.errors[j] = after.posterior.error
-            posteriors.covariances[j] = after.posterior.covariance
-            rows.innovation[k, j] = after.innovation
-            work.log_likelihoods[j] = after.log_likelihood
-        whole = update_probabilities(posteriors.log_probabilities, work.log_likelihoods)
-        rows.log_likelihood[k] = 0.0 if np.isnan(y).all() else whole
-        combine(posteriors, k, rows, work)
-        if not all(np.isfinite(part[k]).all() for part in rows[:3]):
-            return k, ""
-    return len(measurements), ""
-
-
-def _corrected(
-    bank: IMM, begun: Sequence[Gaussian], y: Array, u: Array, outliers: Array
-) -> list[Correction]:
-    """The corrections of all filters, without what is beyond the gates of all of them."""
-    pairs = list(zip(bank.filters, begun, strict=True))
-    corrections = [mode.correct(posterior, y, u) for mode, posterior in pairs]
-    if bank.gate is None:
-        return corrections
-    deviations = np.array(
-        [each.innovation / np.sqrt(np.diag(each.innovation_covariance)) for each in corrections]
-    )
-    least = deviations[np.argmin(np.abs(deviations), axis=0), np.arange(len(y))]
-    beyond = np.abs(least) > bank.gate
-    outliers[:] = np.where(beyond, least, 0.0)
-    if not beyond.any():
-        return corrections
-    taken = np.where(beyond, np.nan, y)
-    return [mode.correct(posterior, taken, u) for mode, posterior in pairs]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -995,3 +897,100 @@ class IMM(Observer[ImmState]):
     def _parameters(self) -> Array:
         """Parameters of the gain of each filter, (r, .)."""
         return np.array([mode.method.parameters for mode in self._linear])
+
+
+def check_filters(filters: Any) -> None:
+    """Refuse what is no list of filters that a bank can mix.
+
+    Raises
+    ------
+    InputError
+        With the filter that differs from the first.
+    """
+    if not isinstance(filters, list | tuple) or not filters:
+        raise InputError("filters", f"{shown(filters)} must be a list of one filter or more")
+    for j, mode in enumerate(filters):
+        wanted = ("predict", "correct", "model")
+        if isinstance(mode, type) or not all(hasattr(mode, part) for part in wanted):
+            problem = f"{shown(mode)} must have a model, predict and correct"
+            raise InputError(f"filters[{j}]", problem)
+        size, first = size_of(mode), size_of(filters[0])
+        if size != first:
+            problem = f"has {size} states, inputs and outputs, the first filter {first}"
+            raise InputError(f"filters[{j}]", problem)
+        period, first_period = mode.model.sampling_period, filters[0].model.sampling_period
+        if period != first_period:
+            problem = f"has a sampling period of {period:g} s, the first {first_period:g} s"
+            raise InputError(f"filters[{j}]", problem)
+        for name in ("gate", "noise_memory"):
+            if getattr(mode, name, None) is not None:
+                problem = f"has {name} of its own: the bank takes it, for all filters"
+                raise InputError(f"filters[{j}]", problem)
+        if not all(map(np.array_equal, periods_of(mode), periods_of(filters[0]))):
+            problem = "has other periods of angles than the first filter"
+            raise InputError(f"filters[{j}]", problem)
+
+
+def size_of(mode: ModeFilter) -> tuple[int, int, int]:
+    """The numbers of states, inputs and outputs of a filter."""
+    model = getattr(mode, "whole", mode.model)
+    return model.states, model.inputs, model.outputs
+
+
+def run_one_by_one(
+    bank: IMM,
+    posteriors: Posteriors,
+    measurements: Array,
+    inputs: Array,
+    fresh: bool,
+    rows: BankRows,
+) -> tuple[int, str]:
+    """Fill the rows as `run_bank` does, and return the number of good ones and why it stopped."""
+    transition = for_loop(bank.transition)
+    work, gated = new_bank_work(posteriors, bank.mixing, bank._rules), bank.gate is not None
+    for k, y in enumerate(measurements):
+        moves = k > 0 or not fresh
+        if moves:
+            interact(transition, bank.mixing, posteriors, work)
+            posteriors.log_probabilities[:] = work.mixed.log_probabilities
+        parts = (work.mixed if moves else posteriors)[:3]
+        begun = [Gaussian(*(part[j].copy() for part in parts)) for j in range(len(bank.filters))]
+        try:
+            if moves:
+                pairs = zip(bank.filters, begun, strict=True)
+                begun = [mode.predict(posterior, inputs[k]) for mode, posterior in pairs]
+            corrections = _corrected(bank, begun, y, inputs[k + 1], rows.outlier[k * gated])
+        except DivergenceError as error:
+            return k, error.finding
+        for j, after in enumerate(corrections):
+            posteriors.means[j] = after.posterior.mean
+            posteriors.errors[j] = after.posterior.error
+            posteriors.covariances[j] = after.posterior.covariance
+            rows.innovation[k, j] = after.innovation
+            work.log_likelihoods[j] = after.log_likelihood
+        whole = update_probabilities(posteriors.log_probabilities, work.log_likelihoods)
+        rows.log_likelihood[k] = 0.0 if np.isnan(y).all() else whole
+        combine(posteriors, k, rows, work)
+        if not all(np.isfinite(part[k]).all() for part in rows[:3]):
+            return k, ""
+    return len(measurements), ""
+
+
+def _corrected(
+    bank: IMM, begun: Sequence[Gaussian], y: Array, u: Array, outliers: Array
+) -> list[Correction]:
+    """The corrections of all filters, without what is beyond the gates of all of them."""
+    pairs = list(zip(bank.filters, begun, strict=True))
+    corrections = [mode.correct(posterior, y, u) for mode, posterior in pairs]
+    if bank.gate is None:
+        return corrections
+    deviations = np.array(
+        [each.innovation / np.sqrt(np.diag(each.innovation_covariance)) for each in corrections]
+    )
+    least = deviations[np.argmin(np.abs(deviations), axis=0), np.arange(len(y))]
+    beyond = np.abs(least) > bank.gate
+    outliers[:] = np.where(beyond, least, 0.0)
+    if not beyond.any():
+        return corrections
+    taken = np.where(beyond, np.nan, y)
+    return [mode.correct(posterior, taken, u) for mode, posterior in pairs]

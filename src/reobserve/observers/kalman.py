@@ -42,6 +42,34 @@ from reobserve.systems.linear import LinearModel, ModelRows, as_matrices
 
 Array = NDArray[np.float64]
 
+_MARGIN = 64  # numbers, 512 bytes: more than processors fetch at once
+
+# Less of an output's variance is rounding, which moves estimates by over 1 % of their deviation.
+ROUNDED = 32 * float(np.finfo(float).eps)
+
+# S / R of a measurement above which a negative variance of the state is an error. Where it is
+# smaller, the true variance is zero. In drawn plants S / R was 1e14 or more where a vague start had
+# lost all digits, and 1e2 or less where a state was known.
+VAGUE = 1e12
+
+# Sizes up to this have loops of their own, 1.2 to 2.4 times as fast as those of all sizes, at the
+# price of a second or two of compilation each: `benchmarks.kalman`. Five states are what the
+# hydraulic actuator's banks have: their longest study takes a third less time.
+UNROLLED = 5
+
+HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
+BEGUN = 20.0  # rows that the R of the model counts as, where it is estimated
+_ROUNDING = 1e-10  # of a correlation: how far below zero an eigenvalue may be
+
+# Why a filter stopped, and what is said of it.
+NO_INNOVATION, NEGATIVE = 3, 6
+NO_INNOVATION_CAUSE = (
+    "the covariance of the next innovation is not finite and positive definite, as it is to "
+    "rounding if measurements of the same are too precise beside their prediction"
+)
+NEGATIVE_CAUSE = f"rounding makes a variance of the state negative at the next sample; {REMEDY}"
+CAUSES = {NO_INNOVATION: NO_INNOVATION_CAUSE, NEGATIVE: NEGATIVE_CAUSE}
+
 _TALL, _FLAT = (types.Array(types.float64, size, "C") for size in (2, 1))
 _SIGNATURE = types.void(_TALL, _TALL, _FLAT, _FLAT, _FLAT, _TALL)
 
@@ -74,102 +102,7 @@ class Gain(NamedTuple):
     parameters: Array
 
 
-@inlined_kernel
-def shortest(difference: float, period: float) -> float:
-    """A difference of angles the shortest way round, as it is where the period is 0."""
-    if period > 0.0:
-        return difference - period * math.floor(difference / period + 0.5)
-    return difference
-
-
-@inlined_kernel
-def wrap_states(mean: Array, work: Any) -> None:
-    """Move angles among the states to within half a period around zero."""
-    for a in range(len(work.states)):
-        mean[a] = shortest(mean[a], work.rules.state_periods[a])
-
-
-@inlined_kernel
-def noise_of_row(R: Array, variances: Array, work: Any) -> None:
-    """Write R as it is used at a row to ``work.noise``: with the estimated variances, if any.
-
-    Correlations are those of R.
-    """
-    noise, estimated = work.noise, work.rules.forgetting > 0.0
-    for o in range(len(work.outputs)):
-        work.outlier[o] = 0.0
-        for q in range(len(work.outputs)):
-            noise[o, q] = R[o, q]
-            if estimated and o == q:
-                noise[o, q] = variances[o]
-            elif estimated:
-                noise[o, q] *= math.sqrt(variances[o] / R[o, o] * (variances[q] / R[q, q]))
-
-
-@inlined_kernel
-def gate(innovation: Array, work: Any) -> None:
-    """Leave out innovations beyond the gate, or inflate their variance so that they are on it.
-
-    ``work.factor`` is the lower half of S, whose diagonal and that of R are inflated.
-    """
-    factor, gate = work.factor, work.rules.gate
-    if gate == math.inf:
-        return
-    for o in range(len(work.outputs)):
-        # |e_o| > gate sqrt(S_oo)
-        deviations = innovation[o] / math.sqrt(factor[o, o])
-        if abs(deviations) > gate:
-            work.outlier[o] = deviations
-            if work.rules.inflates:
-                # R_oo = R_oo + e_o^2 / gate^2 - S_oo
-                wider = (innovation[o] / gate) ** 2
-                work.noise[o, o] += wider - factor[o, o]
-                factor[o, o] = wider
-            else:
-                innovation[o] = math.nan
-
-
-@inlined_kernel
-def learn_noise(innovation: Array, weight: float, work: Any) -> None:
-    """Write to ``work.change`` what a row changes of the variances of R, with its weight g.
-
-    The expectation of v v' after the measurement, whose mean is R S^-1 e and whose covariance is
-    R - R S^-1 R: a step of expectation maximisation (Shumway & Stoffer 1982) that forgets.
-    """
-    # R = R + g diag(R S^-1 (e e' - S) S^-1 R)
-    m, column, factor = len(work.outputs), work.column, work.factor
-    for o in range(m):
-        work.change[o] = 0.0
-        if math.isnan(innovation[o]) or work.outlier[o] != 0.0:
-            continue
-        mean, spread = 0.0, 0.0
-        for q in range(m):
-            # L w = R_o
-            total = 0.0 if math.isnan(innovation[q]) else work.noise[q, o]
-            for i in range(q):
-                total -= factor[q, i] * column[i]
-            column[q] = total / factor[q, q]
-            mean += column[q] * work.scaled[q]
-            spread += column[q] * column[q]
-        work.change[o] = weight * (mean * mean - spread)
-
-
-_MARGIN = 64  # numbers, 512 bytes: more than processors fetch at once
-
-# Less of an output's variance is rounding, which moves estimates by over 1 % of their deviation.
-ROUNDED = 32 * float(np.finfo(float).eps)
-
-# S / R of a measurement above which a negative variance of the state is an error. Where it is
-# smaller, the true variance is zero. In drawn plants S / R was 1e14 or more where a vague start had
-# lost all digits, and 1e2 or less where a state was known.
-VAGUE = 1e12
-
-# Sizes up to this have loops of their own, 1.2 to 2.4 times as fast as those of all sizes, at the
-# price of a second or two of compilation each: `benchmarks.kalman`. Five states are what the
-# hydraulic actuator's banks have: their longest study takes a third less time.
-UNROLLED = 5
-
-HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
+KALMAN = Gain(None, np.empty(0))
 
 
 class LinearWork(NamedTuple):
@@ -241,17 +174,97 @@ def assign_matrix(target: Array, source: Array) -> None:
 
 
 @inlined_kernel
+def shortest(difference: float, period: float) -> float:
+    """A difference of angles the shortest way round, as it is where the period is 0."""
+    if period > 0.0:
+        # d mod T, in [-T/2, T/2)
+        return difference - period * math.floor(difference / period + 0.5)
+    return difference
+
+
+@inlined_kernel
+def wrap_states(mean: Array, work: LinearWork) -> None:
+    """Move angles among the states to within half a period around zero."""
+    # x_a mod T_a, in [-T_a/2, T_a/2)
+    for a in range(len(work.states)):
+        mean[a] = shortest(mean[a], work.rules.state_periods[a])
+
+
+@inlined_kernel
+def gate(innovation: Array, work: LinearWork) -> None:
+    """Leave out innovations beyond the gate, or inflate their variance so that they are on it.
+
+    ``work.factor`` is the lower half of S, whose diagonal and that of R are inflated.
+    """
+    factor, gate = work.factor, work.rules.gate
+    if gate == math.inf:
+        return
+    for o in range(len(work.outputs)):
+        # |e_o| > gate sqrt(S_oo)
+        deviations = innovation[o] / math.sqrt(factor[o, o])
+        if abs(deviations) > gate:
+            work.outlier[o] = deviations
+            if work.rules.inflates:
+                # R_oo = R_oo + e_o^2 / gate^2 - S_oo
+                wider = (innovation[o] / gate) ** 2
+                work.noise[o, o] += wider - factor[o, o]
+                factor[o, o] = wider
+            else:
+                innovation[o] = math.nan
+
+
+@inlined_kernel
+def noise_of_row(R: Array, variances: Array, work: LinearWork) -> None:
+    """Write R as it is used at a row to ``work.noise``: with the estimated variances v, if any."""
+    noise, estimated = work.noise, work.rules.forgetting > 0.0
+    # R_oq = R_oq sqrt(v_o v_q / (R_oo R_qq)), which leaves correlations as they are
+    for o in range(len(work.outputs)):
+        work.outlier[o] = 0.0
+        for q in range(len(work.outputs)):
+            noise[o, q] = R[o, q]
+            if estimated and o == q:
+                noise[o, q] = variances[o]
+            elif estimated:
+                noise[o, q] *= math.sqrt(variances[o] / R[o, o] * (variances[q] / R[q, q]))
+
+
+@inlined_kernel
+def weight_of_row(k: float, forgetting: float) -> float:
+    """The weight of row k in the variances of R: at first that of a mean with `BEGUN` rows more."""
+    # g = max(T / memory, 1 / (k + 20))
+    return max(forgetting, 1.0 / (k + BEGUN))
+
+
+@inlined_kernel
+def learn_noise(innovation: Array, weight: float, work: LinearWork) -> None:
+    """Write to ``work.change`` what a row changes of the variances of R, with its weight g.
+
+    The expectation of v v' after the measurement, whose mean is R S^-1 e and whose covariance is
+    R - R S^-1 R: a step of expectation maximisation (Shumway & Stoffer 1982) that forgets.
+    """
+    # change = g diag(R S^-1 (e e' - S) S^-1 R)
+    m, column, factor = len(work.outputs), work.column, work.factor
+    for o in range(m):
+        work.change[o] = 0.0
+        if math.isnan(innovation[o]) or work.outlier[o] != 0.0:
+            continue
+        mean, spread = 0.0, 0.0
+        for q in range(m):
+            # (R S^-1 e)_o = w' s,   (R S^-1 R)_oo = w' w,   where L w = R_o, L s = e
+            total = 0.0 if math.isnan(innovation[q]) else work.noise[q, o]
+            for i in range(q):
+                total -= factor[q, i] * column[i]
+            column[q] = total / factor[q, q]
+            mean += column[q] * work.scaled[q]
+            spread += column[q] * column[q]
+        work.change[o] = weight * (mean * mean - spread)
+
+
+@inlined_kernel
 def predict(
-    A: Array,
-    B: Array,
-    Q: Array,
-    control: Array,
-    mean: Array,
-    covariance: Array,
-    next_mean: Array,
-    next_covariance: Array,
-    work: LinearWork,
-) -> None:
+    A: Array, B: Array, Q: Array, control: Array, mean: Array, covariance: Array,
+    next_mean: Array, next_covariance: Array, work: LinearWork,
+) -> None:  # fmt: skip
     """Time update, in which what is read and what is written may be the same arrays.
 
     Gadsden et al. 2011, (1), (11) and (12).
@@ -285,6 +298,18 @@ def predict(
 
 
 @inlined_kernel
+def clip_variances(covariance: Array, work: LinearWork) -> None:
+    """Set negative variances to zero: the true ones are zero to rounding.
+
+    The position of an oscillator is known, say, each time its velocity alone is uncertain.
+    """
+    # P_aa = max(P_aa, 0)
+    for a in range(len(work.states)):
+        if covariance[a, a] < 0.0:  # noqa: PLR1730  # nan stays
+            covariance[a, a] = 0.0
+
+
+@inlined_kernel
 def output_error(
     C: Array, D: Array, measurement: Array, control: Array, mean: Array, error: Array,
     work: LinearWork,
@@ -305,7 +330,8 @@ def output_error(
 
 @inlined_kernel
 def leave_out(o: int, factor: Array, work: LinearWork) -> None:
-    """Write a one of its own for an output into the factor of S."""
+    """Leave an output out of the factor of S."""
+    # L_oo = 1,   L_oq = L_qo = 0,   s_o = 0
     for q in range(len(work.outputs)):
         factor[o, q] = factor[q, o] = 0.0
     factor[o, o], work.scaled[o] = 1.0, 0.0
@@ -345,6 +371,7 @@ def factor_innovation(innovation: Array, factor: Array, work: LinearWork) -> flo
         scaled[o] = total / factor[o, o]
         distance += scaled[o] * scaled[o]
         log_root += math.log(factor[o, o])
+    # log N(e; 0, S) = -(e' S^-1 e + log det S + m log(2 pi)) / 2
     return -0.5 * distance - log_root - taken * HALF_LOG_TWO_PI
 
 
@@ -352,10 +379,9 @@ def factor_innovation(innovation: Array, factor: Array, work: LinearWork) -> flo
 def log_likelihood_of(C: Array, covariance: Array, innovation: Array, work: LinearWork) -> float:
     """Write P C' and the Cholesky factor of S, and return the log-likelihood.
 
-    Gadsden et al. 2011, (13) and (19).
-
-    It is nan if S is not positive definite. A missing output, of which the innovation is nan, has
-    a one of its own in S, which tells nothing and leaves the others alone.
+    Gadsden et al. 2011, (13) and (19). The likelihood is nan if S is not positive definite. A
+    missing output, of which the innovation is nan, has a one of its own in S, which leaves the
+    others as they are.
     """
     n, m = len(work.states), len(work.outputs)
     cross, factor = work.cross, work.factor
@@ -383,13 +409,13 @@ def kalman_gain(work: LinearWork) -> None:
     cross, gain, factor = work.cross, work.gain, work.factor
     n, m = len(work.states), len(work.outputs)
     for a in range(n):
-        # (K L) L' = P C'
+        # Z L' = P C'
         for o in range(m):
             total = cross[a, o]
             for i in range(o):
                 total -= factor[o, i] * gain[a, i]
             gain[a, o] = total / factor[o, o]
-        # K L = (K L)
+        # K L = Z
         for back in range(m):
             o = m - 1 - back
             total = gain[a, o]
@@ -416,9 +442,8 @@ def correct_mean(mean: Array, innovation: Array, work: LinearWork) -> None:
 def correct_covariance(C: Array, covariance: Array, work: LinearWork) -> None:
     """Correct the covariance in Joseph's form, which holds for any gain.
 
-    Gadsden et al. 2011, (17).
-
-    M = I - K C itself is never formed, which saves two products of square matrices.
+    Gadsden et al. 2011, (17). M = I - K C itself is never formed, which saves two products of
+    square matrices.
     """
     cross, gain, square, R = work.cross, work.gain, work.square, work.noise
     n, m = len(work.states), len(work.outputs)
@@ -429,7 +454,7 @@ def correct_covariance(C: Array, covariance: Array, work: LinearWork) -> None:
             for o in range(m):
                 total -= gain[a, o] * cross[b, o]
             square[a, b] = total
-    # P = M P M' + K R K' = T - (T C' - K R) K'
+    # P = M P M' + K R K' = T - (T C' - K R) K', row by row
     for a in range(n):
         for o in range(m):
             total = 0.0
@@ -438,7 +463,6 @@ def correct_covariance(C: Array, covariance: Array, work: LinearWork) -> None:
             for q in range(m):
                 total -= gain[a, q] * R[q, o]
             cross[a, o] = total
-    for a in range(n):
         for b in range(a + 1):
             total = square[a, b]
             for o in range(m):
@@ -448,27 +472,37 @@ def correct_covariance(C: Array, covariance: Array, work: LinearWork) -> None:
 
 
 @inlined_kernel
+def below_zero(covariance: Array, work: LinearWork) -> bool:
+    """True if a variance is negative."""
+    negative = False
+    for a in range(len(work.states)):
+        negative = negative or covariance[a, a] < 0.0
+    return negative
+
+
+@inlined_kernel
+def is_vague(innovation: Array, work: LinearWork) -> bool:
+    """True if a measurement was so much more precise than predicted that rounding decides."""
+    # S_oo = sum_q L_oq^2 > VAGUE R_oo
+    vague = False
+    for o in range(len(work.outputs)):
+        total = 0.0
+        for q in range(o + 1):
+            total += work.factor[o, q] * work.factor[o, q]
+        vague = vague or (not math.isnan(innovation[o]) and total > VAGUE * work.noise[o, o])
+    return vague
+
+
+@inlined_kernel
 def correct(
-    C: Array,
-    D: Array,
-    R: Array,
-    variances: Array,
-    weight: float,
-    function: Callable[..., None] | None,
-    parameters: Array,
-    measurement: Array,
-    control: Array,
-    mean: Array,
-    covariance: Array,
-    error: Array,
-    innovation: Array,
-    work: LinearWork,
-) -> float:
+    C: Array, D: Array, R: Array, variances: Array, weight: float,
+    function: Callable[..., None] | None, parameters: Array, measurement: Array, control: Array,
+    mean: Array, covariance: Array, error: Array, innovation: Array, work: LinearWork,
+) -> float:  # fmt: skip
     """Correct in place by the measurement, and return the log-likelihood.
 
-    Gadsden et al. 2011, (5) and (16).
-
-    No function means the Kalman gain, which is compiled into the loop.
+    Gadsden et al. 2011, (5) and (16). No function means the Kalman gain, which is compiled into the
+    loop.
 
     ``innovation`` is written, e(k+1|k), and so are the gain and the lower Cholesky factor of S in
     ``work``. Outputs that are missing, nan, correct nothing; the others correct as if these alone
@@ -502,47 +536,6 @@ def correct(
 
 
 @inlined_kernel
-def clip_variances(covariance: Array, work: LinearWork) -> None:
-    """Set negative variances to zero: the true ones are zero to rounding.
-
-    The position of an oscillator is known, say, each time its velocity alone is uncertain.
-    """
-    for a in range(len(work.states)):
-        if covariance[a, a] < 0.0:  # noqa: PLR1730  # nan stays
-            covariance[a, a] = 0.0
-
-
-@inlined_kernel
-def is_vague(innovation: Array, work: LinearWork) -> bool:
-    """True if a measurement was so much more precise than predicted that rounding decides."""
-    vague = False
-    for o in range(len(work.outputs)):
-        total = 0.0
-        for q in range(o + 1):
-            total += work.factor[o, q] * work.factor[o, q]
-        vague = vague or (not math.isnan(innovation[o]) and total > VAGUE * work.noise[o, o])
-    return vague
-
-
-@inlined_kernel
-def below_zero(covariance: Array, work: LinearWork) -> bool:
-    """True if a variance is negative."""
-    negative = False
-    for a in range(len(work.states)):
-        negative = negative or covariance[a, a] < 0.0
-    return negative
-
-
-@inlined_kernel
-def is_missing(measurement: Array) -> bool:
-    """True if a sample was not taken: none of its measurements is there."""
-    taken = False
-    for value in measurement:
-        taken = taken or not math.isnan(value)
-    return not taken
-
-
-@inlined_kernel
 def write_innovation_covariance(innovation: Array, out: Array, work: LinearWork) -> None:
     """Write S, nan where an output is missing."""
     # S = L L'
@@ -555,9 +548,6 @@ def write_innovation_covariance(innovation: Array, out: Array, work: LinearWork)
             if math.isnan(innovation[o]) or math.isnan(innovation[q]):
                 total = math.nan
             out[o, q] = out[q, o] = total
-
-
-_ROUNDING = 1e-10  # of a correlation: how far below zero an eigenvalue may be
 
 
 def uncorrelated(
@@ -636,6 +626,18 @@ def _check(Q: Array, R: Array, S: Array) -> None:
         raise InputError("S", problem)
 
 
+@inlined_kernel
+def _noise_gain(S: Array, R: Array, left: Array, work: LinearWork) -> None:
+    """Write J to ``work.gain``, and S to ``work.cross`` without what was not measured."""
+    # J = S R^-1
+    assign_matrix(work.factor, R)
+    factor_innovation(left, work.factor, work)
+    for a in range(S.shape[0]):
+        for o in range(S.shape[1]):
+            work.cross[a, o] = 0.0 if math.isnan(left[o]) else S[a, o]
+    kalman_gain(work)
+
+
 @kernel
 def _take_out(
     model: ModelRows, S: Array, y: Array, inputs: Array, taken: TakenOut, left: Array,
@@ -643,27 +645,21 @@ def _take_out(
 ) -> None:  # fmt: skip
     """Write J C, J S' and J (y - D u) of the step from each row to the next one."""
     n, m = S.shape[1], S.shape[2]
-    cross, gain, factor = work.cross, work.gain, work.factor
+    cross, gain = work.cross, work.gain
     for k in range(len(y)):
         C, D = model.C[min(k, len(model.C) - 1)], model.D[min(k, len(model.D) - 1)]
-        R, both = model.R[min(k, len(model.R) - 1)], S[min(k, len(S) - 1)]
         # y - D u
         for o in range(m):
             left[o] = y[k, o]
             for p in range(D.shape[1]):
                 left[o] -= D[o, p] * inputs[k + 1, p]
-            for q in range(m):
-                factor[o, q] = R[o, q]
-        # J = S R^-1
-        factor_innovation(left, factor, work)
+        _noise_gain(S[min(k, len(S) - 1)], model.R[min(k, len(model.R) - 1)], left, work)
         for a in range(n):
-            for o in range(m):
-                cross[a, o] = 0.0 if math.isnan(left[o]) else both[a, o]
-        kalman_gain(work)
-        for a in range(n):
+            # J (y - D u)
             for o in range(m):
                 if not math.isnan(left[o]):
                     taken.known[k + 1, a] += gain[a, o] * left[o]
+            # J C,   J S'
             for b in range(n):
                 total, spread = 0.0, 0.0
                 for o in range(m):
@@ -674,18 +670,50 @@ def _take_out(
                     taken.noise[k + 1, a, b] = taken.noise[k + 1, b, a] = spread
 
 
-BEGUN = 20.0  # rows that the R of the model counts as, where it is estimated
+def linear_in_record(
+    filter: GaussianFilter,  # noqa: A002
+    given: Mapping[str, Any],
+    y: Array,
+    inputs: Array,
+    held: Mapping[str, Array],
+    periods: Array | None,
+) -> InRecord:
+    """The matrices of each row, and inputs with the known part of correlated noise behind them.
 
-# Why a filter stopped, and what is said of it.
-NO_INNOVATION = 3
-NO_INNOVATION_CAUSE = (
-    "the covariance of the next innovation is not finite and positive definite, as it is to "
-    "rounding if measurements of the same are too precise beside their prediction"
-)
+    Raises
+    ------
+    InputError
+        If a matrix that is given has another shape, or is no covariance.
+    """
+    model: LinearModel = filter.whole
+    if ("S" in given or "noise" in held) and model.output_periods is not None:
+        problem = "must be left out where outputs have periods: it is of y - C x, which then jumps"
+        raise InputError("S", problem)
+    if not given and not held and periods is None:
+        return InRecord(model.rows, inputs, None)
+    matrices = {name: given[name] for name in given if name in ModelRows._fields}
+    rows = model.by_row(matrices, len(y), held, periods)
+    after = {name: rows[name][-1] for name in ("A", "B", "Q") if name in given}
+    before = [held[name] for name in TakenOut._fields if name in held]
+    if "S" in given or before:
+        open_end = periods is not None and "Q" not in given
+        rows, taken = uncorrelated(rows, given.get("S"), y, inputs[0], before, open_end)
+        if "S" in given:
+            after |= {name: part[-1] for name, part in taken._asdict().items()}
+        # x = A x + [B I] [u; J (y - D u)]
+        rows["B"] = side_by_side(rows["B"], np.eye(model.states))
+        inputs = side_by_side(inputs, taken.known)
+    matrices = {name: np.ascontiguousarray(matrix) for name, matrix in rows.items()}
+    return InRecord(ModelRows(**matrices), inputs, as_held(after))
 
-NEGATIVE = 6
-NEGATIVE_CAUSE = f"rounding makes a variance of the state negative at the next sample; {REMEDY}"
-CAUSES = {NO_INNOVATION: NO_INNOVATION_CAUSE, NEGATIVE: NEGATIVE_CAUSE}
+
+@inlined_kernel
+def is_missing(measurement: Array) -> bool:
+    """True if a sample was not taken: none of its measurements is there."""
+    taken = False
+    for value in measurement:
+        taken = taken or not math.isnan(value)
+    return not taken
 
 
 @inlined_kernel
@@ -719,18 +747,13 @@ def keep_row(
 
 
 @inlined_kernel
-def weight_of_row(posteriors: FilterPosteriors, r: int, k: int, forgetting: float) -> float:
-    """The weight of row k in the variances of R: at first that of a mean with `BEGUN` rows more."""
-    return max(forgetting, 1.0 / (float(posteriors.counts[r]) + k + BEGUN))
-
-
-@inlined_kernel
 def keep_noise(
     posteriors: FilterPosteriors, taken: bool, rows: FilterRows, r: int, k: int, work: LinearWork
 ) -> None:
     """Change the variances of R by a row, if it was taken, and write them."""
     if work.rules.forgetting == 0.0:
         return
+    # R = R + change
     noise = posteriors.noises[r]
     for o in range(len(noise)):
         if taken:
@@ -765,6 +788,7 @@ def run_linear(
             if r * count + first >= due:
                 due = poll(r * count + first)
             last = min(count, due - r * count)
+            # x(k|k-1), P(k|k-1), then x(k|k), P(k|k)
             _run_rows(
                 model, gain, measurements, inputs, fresh, posteriors, rows, kept, work, ends, r,
                 first, last,
@@ -800,7 +824,8 @@ def _run_rows(
             # x = x + K e, P = (I - K C) P (I - K C)' + K R K'
             rows.log_likelihood[r, k] = correct(
                 C[min(k, len(C) - 1)], D[min(k, len(D) - 1)], R[min(k, len(R) - 1)],
-                posteriors.noises[r], weight_of_row(posteriors, r, k, work.rules.forgetting),
+                posteriors.noises[r],
+                weight_of_row(posteriors.counts[r] + k, work.rules.forgetting),
                 gain.function, gain.parameters, y, inputs[r, k + 1], mean, covariance, error,
                 innovation, work,
             )  # fmt: skip
@@ -846,51 +871,10 @@ def predict_linear(
     return len(next_means)
 
 
-KALMAN = Gain(None, np.empty(0))
-TAKES = ("A", "B", "C", "D", "Q", "R", "keep")
-
-
-def linear_in_record(
-    filter: GaussianFilter,  # noqa: A002
-    given: Mapping[str, Any],
-    y: Array,
-    inputs: Array,
-    held: Mapping[str, Array],
-    periods: Array | None,
-) -> InRecord:
-    """The matrices of each row, and inputs with the known part of correlated noise behind them.
-
-    Raises
-    ------
-    InputError
-        If a matrix that is given has another shape, or is no covariance.
-    """
-    model: LinearModel = filter.whole
-    if ("S" in given or "noise" in held) and model.output_periods is not None:
-        problem = "must be left out where outputs have periods: it is of y - C x, which then jumps"
-        raise InputError("S", problem)
-    if not given and not held and periods is None:
-        return InRecord(model.rows, inputs, None)
-    matrices = {name: given[name] for name in given if name in ModelRows._fields}
-    rows = model.by_row(matrices, len(y), held, periods)
-    after = {name: rows[name][-1] for name in ("A", "B", "Q") if name in given}
-    before = [held[name] for name in TakenOut._fields if name in held]
-    if "S" in given or before:
-        open_end = periods is not None and "Q" not in given
-        rows, taken = uncorrelated(rows, given.get("S"), y, inputs[0], before, open_end)
-        if "S" in given:
-            after |= {name: part[-1] for name, part in taken._asdict().items()}
-        # x = A x + [B I] [u; J (y - D u)]
-        rows["B"] = side_by_side(rows["B"], np.eye(model.states))
-        inputs = side_by_side(inputs, taken.known)
-    matrices = {name: np.ascontiguousarray(matrix) for name, matrix in rows.items()}
-    return InRecord(ModelRows(**matrices), inputs, as_held(after))
-
-
 LINEAR = FilterSteps(
-    LinearModel, linear_in_record, run_linear, predict_linear, new_linear_work,
-    CAUSES,
-)  # fmt: skip
+    LinearModel, linear_in_record, run_linear, predict_linear, new_linear_work, CAUSES
+)
+TAKES = ("A", "B", "C", "D", "Q", "R", "keep")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

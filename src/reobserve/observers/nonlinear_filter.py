@@ -79,8 +79,20 @@ from reobserve.systems.nonlinear_flow import (
 
 Array = NDArray[np.float64]
 
-# Why a filter stopped, keys of `CAUSES`.
+ROUNDING = 1e-12  # of a variance: how far below zero a pivot may be
+LONGER = 1e-3  # of a sampling period: how much longer the time to a row may be
+MOST_PARTS = 10_000_000  # predictions in a gap, a second or more
+
+# Why a filter stopped.
 NO_STATE, NO_OUTPUT, NO_ROOT, NO_POSTERIOR = 1, 2, 4, 5  # beside NO_INNOVATION, 3
+CAUSES = {
+    NO_STATE: "f, or the covariance after it, is not finite at the next sample",
+    NO_OUTPUT: "h is not finite at the next sample",
+    **LINEAR_CAUSES,
+    NO_ROOT: "the covariance of the state is no longer positive semidefinite, so that it has no "
+    "Cholesky factor",
+    NO_POSTERIOR: "the next correction is not finite",
+}
 
 
 class FilterWork(NamedTuple):
@@ -156,18 +168,6 @@ def predict_extended(
 
 
 @inlined_kernel
-def extend_cross(work: FilterWork) -> None:
-    """Write cov(x, x(k)) = cov(x, x(k-1)) A' to ``work.cross``, from ``work.before``."""
-    n = len(work.before)
-    for a in range(n):
-        for b in range(n):
-            total = 0.0
-            for i in range(n):
-                total += work.before[a, i] * work.flow.A[b, i]
-            work.cross[a, b] = total
-
-
-@inlined_kernel
 def correct_extended(
     functions: Functions, y: Array, u: Array, mean: Array, covariance: Array,
     innovation: Array, weight: float, work: FilterWork,
@@ -198,14 +198,11 @@ def correct_extended(
     return log_likelihood
 
 
-ROUNDING = 1e-12  # of a variance: how far below zero a pivot may be
-
-
 class Weights(NamedTuple):
     """Weights of scaled sigma points (Wan & van der Merwe 2000).
 
-    The points are x and x +- ``spread`` times the columns of a root of P. ``each`` is the weight of
-    all but the first one, of which ``first`` is that in covariances.
+    The points are x and x +- c times the columns of a root of P, where c is ``spread``. ``each`` is
+    w, the weight of all but the first one, of which ``first`` is v_0, that in covariances.
     """
 
     spread: float
@@ -223,6 +220,7 @@ def take_root(covariance: Array, root: Array) -> bool:
     for j in range(n):
         for i in range(j):
             root[i, j] = 0.0
+        # L_jj^2 = P_jj - sum_(i<j) L_ji^2
         pivot = covariance[j, j]
         for i in range(j):
             pivot -= root[j, i] * root[j, i]
@@ -231,6 +229,7 @@ def take_root(covariance: Array, root: Array) -> bool:
             return False
         singular = pivot <= 1e-4 * bound
         root[j, j] = 0.0 if singular else math.sqrt(pivot)
+        # L_kj = (P_kj - sum_(i<j) L_ki L_ji) / L_jj
         for k in range(j + 1, n):
             total = covariance[k, j]
             for i in range(j):
@@ -241,11 +240,12 @@ def take_root(covariance: Array, root: Array) -> bool:
 
 @inlined_kernel
 def place_points(mean: Array, covariance: Array, weights: Weights, work: FilterWork) -> bool:
-    """Write the sigma points x, x + c L_i, x - c L_i, or return False if P has no root."""
+    """Write the sigma points, or return False if P has no root."""
     n = len(work.linear.states)
     if not take_root(covariance, work.root):
         work.cause[0] = NO_ROOT
         return False
+    # X_0 = x,   X_i = x + c L_i,   X_(n+i) = x - c L_i
     for a in range(n):
         work.points[0, a] = mean[a]
         for i in range(n):
@@ -257,11 +257,12 @@ def place_points(mean: Array, covariance: Array, weights: Weights, work: FilterW
 
 @inlined_kernel
 def average_points(images: Array, weight: float, periods: Array, mean: Array) -> None:
-    """Write the mean, as the first point plus what the others differ from it by.
+    """Write the mean y of points Y, as the first one plus what the others differ from it by.
 
     All weights sum to one; so written, a large negative one does not cancel, and angles differ the
     shortest way round.
     """
+    # y = sum w_i Y_i = Y_0 + w sum_(i>0) (Y_i - Y_0)
     for a in range(len(mean)):
         total = 0.0
         for i in range(1, len(images)):
@@ -270,8 +271,18 @@ def average_points(images: Array, weight: float, periods: Array, mean: Array) ->
 
 
 @inlined_kernel
+def subtract(rows: Array, mean: Array, periods: Array) -> None:
+    """Subtract the mean y from points Y, angles the shortest way round."""
+    # d_i = Y_i - y
+    for i in range(len(rows)):
+        for a in range(len(mean)):
+            rows[i, a] = shortest(rows[i, a] - mean[a], periods[a])
+
+
+@inlined_kernel
 def spread_of(images: Array, weights: Weights, noise: Array, out: Array) -> None:
-    """Write the lower half of sum w d d' + noise, where d are rows of ``images``."""
+    """Write the lower half of the covariance of deviations d, plus noise."""
+    # sum v_i d_i d_i' + noise = noise + v_0 d_0 d_0' + w sum_(i>0) d_i d_i'
     for a in range(len(noise)):
         for b in range(a + 1):
             total = 0.0
@@ -283,22 +294,15 @@ def spread_of(images: Array, weights: Weights, noise: Array, out: Array) -> None
 
 @inlined_kernel
 def cross_of(root: Array, images: Array, weights: Weights, cross: Array) -> None:
-    """Write sum w (X - x) d', where d are rows of ``images`` and X - x is 0, c L_i or -c L_i."""
+    """Write the cross-covariance of the points and the deviations d of their images."""
     n = len(root)
+    # sum v_i (X_i - x) d_i' = w c sum_(i=1..n) L_i (d_i - d_(n+i))'
     for a in range(n):
         for b in range(cross.shape[1]):
             total = 0.0
             for i in range(n):
                 total += root[a, i] * (images[1 + i, b] - images[1 + n + i, b])
             cross[a, b] = weights.each * weights.spread * total
-
-
-@inlined_kernel
-def subtract(rows: Array, mean: Array, periods: Array) -> None:
-    """Subtract a mean from each row, angles the shortest way round."""
-    for i in range(len(rows)):
-        for a in range(len(mean)):
-            rows[i, a] = shortest(rows[i, a] - mean[a], periods[a])
 
 
 @inlined_kernel
@@ -311,18 +315,20 @@ def predict_unscented(
     False if P has no root.
     """
     n = len(work.linear.states)
-    # X = x, x + c L_i, x - c L_i
+    # X_0 = x,   X_i = x + c L_i,   X_(n+i) = x - c L_i
     if not place_points(mean, covariance, weights, work):
         return False
     images = work.images[:, :n]
     for i in range(2 * n + 1):
         move(functions, steps, k, work.points[i], u, work.moved, work.flow)
         assign(images[i], work.moved)
-    # x = sum w f(X), P = sum w (f(X) - x) (f(X) - x)' + Q
+    # x(k) = sum w_i f(X_i)
     periods = work.linear.rules.state_periods
     average_points(images, weights.each, periods, work.moved)
     subtract(images, work.moved, periods)
+    # cov(x(k-1), x(k)) = sum v_i (X_i - x) (f(X_i) - x(k))'
     cross_of(work.root, images, weights, work.cross)
+    # P = sum v_i (f(X_i) - x(k)) (f(X_i) - x(k))' + Q
     spread_of(images, weights, Q, next_covariance)
     for a in range(n):
         for b in range(a):
@@ -331,42 +337,28 @@ def predict_unscented(
 
 
 @inlined_kernel
-def extend_cross_by_root(work: FilterWork) -> None:
-    """Write cov(x, x(k)) = cov(x, x(k-1)) P^-1 cov(x(k-1), x(k)) to ``work.cross``.
-
-    The first is ``work.before``, the last ``work.cross``, and P = L L' that of x(k-1).
-    """
-    before, column, n = work.before, work.flow.point, len(work.before)
-    solve_by_root(work.root, before, before)
-    for b in range(n):
-        for i in range(n):
-            column[i] = work.cross[i, b]
+def spread_after(
+    R: Array, weights: Weights, gain: Array, points: Array, images: Array, covariance: Array
+) -> None:
+    """Write the covariance in Joseph's form, which is P - K S K' but for rounding."""
+    n, m = gain.shape
+    # r_i = (X_i - x) - K (h(X_i) - y)
+    for i in range(len(points)):
         for a in range(n):
-            total = 0.0
-            for i in range(n):
-                total += before[a, i] * column[i]
-            work.cross[a, b] = total
-
-
-@inlined_kernel
-def solve_by_root(root: Array, cross: Array, gain: Array) -> None:
-    """Solve G L L' = C: G L first, then G. C and G may be the same array.
-
-    Where P = L L' is singular C is, too, and G is zero there.
-    """
-    n = len(root)
+            for o in range(m):
+                points[i, a] -= gain[a, o] * images[i, o]
+    # P = sum v_i r_i r_i' + K R K'
     for a in range(n):
-        for i in range(n):
-            total = cross[a, i]
-            for j in range(i):
-                total -= root[i, j] * gain[a, j]
-            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
-        for last in range(n):
-            i = n - 1 - last
-            total = gain[a, i]
-            for j in range(i + 1, n):
-                total -= root[j, i] * gain[a, j]
-            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
+        for b in range(a + 1):
+            total = 0.0
+            for i in range(1, len(points)):
+                total += points[i, a] * points[i, b]
+            total = weights.each * total + weights.first * points[0, a] * points[0, b]
+            for o in range(m):
+                for q in range(m):
+                    total += gain[a, o] * R[o, q] * gain[b, q]
+            covariance[a, b] = total
+            covariance[b, a] = total
 
 
 @inlined_kernel
@@ -386,19 +378,19 @@ def correct_unscented(
     for i in range(2 * n + 1):
         call(functions.h, (points[i], u, expected))
         assign(images[i], expected)
-    # y = sum w h(X)
+    # y = sum w_i h(X_i)
     periods, R = linear.rules.output_periods, linear.noise
     average_points(images, weights.each, periods, expected)
     if not innovate(y, expected, innovation, work):
         return math.nan
-    # S = sum w (h(X) - y) (h(X) - y)' + R
+    # S = sum v_i (h(X_i) - y) (h(X_i) - y)' + R
     subtract(images, expected, periods)
     spread_of(images, weights, R, linear.factor)
     gate(innovation, linear)
     log_likelihood = factor_innovation(innovation, linear.factor, linear)
     if linear.rules.forgetting > 0.0:
         learn_noise(innovation, weight, linear)
-    # K = sum w (X - x) (h(X) - y)' S^-1
+    # K = sum v_i (X_i - x) (h(X_i) - y)' S^-1
     cross_of(work.root, images, weights, linear.cross)
     kalman_gain(linear)
     # x = x + K e
@@ -406,35 +398,57 @@ def correct_unscented(
         for a in range(n):
             points[i, a] -= mean[a]
     correct_mean(mean, innovation, linear)
-    # P = sum w r r' + K R K'
+    # P = sum v_i r_i r_i' + K R K',   r_i = (X_i - x) - K (h(X_i) - y)
     spread_after(R, weights, linear.gain, points, images, covariance)
     return log_likelihood
 
 
 @inlined_kernel
-def spread_after(
-    R: Array, weights: Weights, gain: Array, points: Array, images: Array, covariance: Array
-) -> None:
-    """The covariance of sigma points in Joseph's form, with r = (X - x) - K (h(X) - y).
+def solve_by_root(root: Array, cross: Array, gain: Array) -> None:
+    """Solve G P = C by the factor L of P = L L'. C and G may be the same array.
 
-    P = sum w r r' + K R K', which is P - K S K' but for rounding.
+    Where P is singular C is, too, and G is zero there.
     """
-    n, m = gain.shape
-    for i in range(len(points)):
-        for a in range(n):
-            for o in range(m):
-                points[i, a] -= gain[a, o] * images[i, o]
+    n = len(root)
     for a in range(n):
-        for b in range(a + 1):
+        # Z L' = C
+        for i in range(n):
+            total = cross[a, i]
+            for j in range(i):
+                total -= root[i, j] * gain[a, j]
+            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
+        # G L = Z
+        for last in range(n):
+            i = n - 1 - last
+            total = gain[a, i]
+            for j in range(i + 1, n):
+                total -= root[j, i] * gain[a, j]
+            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
+
+
+@inlined_kernel
+def extend_cross(weights: Weights | None, work: FilterWork) -> None:
+    """Write cov(x, x(k)) to ``work.cross``, from cov(x, x(k-1)), which is ``work.before``."""
+    before, column, n = work.before, work.flow.point, len(work.before)
+    if weights is None:
+        # cov(x, x(k)) = cov(x, x(k-1)) A'
+        for a in range(n):
+            for b in range(n):
+                total = 0.0
+                for i in range(n):
+                    total += before[a, i] * work.flow.A[b, i]
+                work.cross[a, b] = total
+        return
+    # cov(x, x(k)) = cov(x, x(k-1)) P^-1 cov(x(k-1), x(k)), where P = L L' is that of x(k-1)
+    solve_by_root(work.root, before, before)
+    for b in range(n):
+        for i in range(n):
+            column[i] = work.cross[i, b]
+        for a in range(n):
             total = 0.0
-            for i in range(1, len(points)):
-                total += points[i, a] * points[i, b]
-            total = weights.each * total + weights.first * points[0, a] * points[0, b]
-            for o in range(m):
-                for q in range(m):
-                    total += gain[a, o] * R[o, q] * gain[b, q]
-            covariance[a, b] = total
-            covariance[b, a] = total
+            for i in range(n):
+                total += before[a, i] * column[i]
+            work.cross[a, b] = total
 
 
 @inlined_kernel
@@ -453,16 +467,15 @@ def predict(
         if part > 0:
             assign_matrix(work.before, work.cross)
             mean, covariance = next_mean, next_covariance
+        # x = f(x, u), P = A P A' + Q, or those of sigma points
         if weights is None:
             predict_extended(functions, steps, k, noise, u, mean, covariance, next_covariance, work)
-            if part > 0:
-                extend_cross(work)
         elif not predict_unscented(
             functions, weights, steps, k, noise, u, mean, covariance, next_covariance, work
         ):
             return False
-        elif part > 0:
-            extend_cross_by_root(work)
+        if part > 0:
+            extend_cross(weights, work)
         total = 0.0
         for a in range(len(work.linear.states)):
             next_mean[a] = shortest(work.moved[a], work.linear.rules.state_periods[a])
@@ -491,6 +504,7 @@ def correct(
     functions = model.functions
     work.cause[0] = 0
     noise_of_row(model.R[min(k, len(model.R) - 1)], variances, work.linear)
+    # x = x + K e, P = (I - K C) P (I - K C)' + K R K', or P - K S K' of sigma points
     if weights is None:
         log_likelihood = correct_extended(
             functions, y, u, mean, covariance, innovation, weight, work
@@ -513,6 +527,90 @@ def correct(
     if work.cause[0] == 0:
         work.cause[0] = NO_POSTERIOR if math.isfinite(log_likelihood) else NO_INNOVATION
     return math.nan
+
+
+def parts_of(model: NonlinearModel, given: Mapping[str, Any], periods: Array) -> NDArray[np.int64]:
+    """The number of predictions, of a sampling period at most, that lead to each row."""
+    if not model.continuous:
+        problem = "can only be given for a model of a differential equation, by from_ode"
+        raise InputError("dt", problem)
+    if model.density is None and "Q" not in given:
+        raise InputError(
+            "Q", "is the covariance of one sampling period; for other periods give "
+            "from_ode the density of the noise, or Q by row",
+        )  # fmt: skip
+    counts = np.ceil(periods / model.sampling_period - LONGER)
+    if counts.max() > MOST_PARTS:
+        raise InputError(
+            "dt", f"of {periods.max():g} s between two rows is {counts.max():g} sampling periods, "
+            f"must be {MOST_PARTS} or fewer, as each is predicted",
+        )  # fmt: skip
+    return np.maximum(counts, 1).astype(np.int64)
+
+
+def by_row(
+    model: NonlinearModel,
+    given: Mapping[str, Any],
+    rows: int,
+    held: Mapping[str, Array],
+    periods: Array | None,
+) -> tuple[dict[str, Any], Array]:
+    """Q, R and the steps of a record of k rows, and values of the parameters behind its inputs.
+
+    ``given`` are Q, R and parameters by name, ``held`` those that lead to the first row, where they
+    are not the model's. ``periods`` [s] lead to each row, (k + 1,), from the one before the record
+    on; None where all are the sampling period.
+    """
+    fields: dict[str, Any] = {"Q": for_loop(model.Q)[None], "R": for_loop(model.R)[None]}
+    fields["steps"], fields["parts"] = model.steps, np.ones((1, 2), np.int64)
+    values = model.parameter_values[None]
+    if periods is not None:
+        parts = parts_of(model, given, periods)
+        fields["steps"] = periods / (model.substeps * parts)
+        fields["parts"] = np.stack([parts, parts], axis=1)
+        if model.density is not None:
+            fields["Q"] = model.density * (periods / parts)[:, None, None]
+        # What is given is the noise of the whole time to a row.
+        if "Q" in held:
+            fields["parts"][0, 1] = 1
+        if "Q" in given:
+            fields["parts"][1:, 1] = 1
+    if "R" in given:
+        fields["R"] = as_covariances("R", given["R"], model.outputs, rows, definite=True)
+    first = held["Q"][None] if "Q" in held else fields["Q"][:1]
+    if "Q" in given:
+        read = as_covariances("Q", given["Q"], model.states, rows)
+        fields["Q"] = np.concatenate([first, read])
+    elif "Q" in held:
+        fields["Q"] = np.concatenate([first, fields["Q"][0 if periods is None else 1 :]])
+    if "parameters" in given or "parameters" in held:
+        read = model.parameters_by_row(given.get("parameters", {}), rows)
+        before = held.get("parameters", model.parameter_values)
+        later = np.broadcast_to(read, (rows, read.shape[1]))
+        values = np.concatenate([before[None], later])
+    return fields, values
+
+
+def nonlinear_in_record(
+    filter: Any,  # noqa: A002
+    given: Mapping[str, Any],
+    y: Array,
+    inputs: Array,
+    held: Mapping[str, Array],
+    periods: Array | None,
+) -> InRecord:
+    """The noise and steps of each row, and inputs with the parameters behind them."""
+    fields, values = by_row(filter.model, given, len(y), held, periods)
+    after = {}
+    if "Q" in given:
+        after["Q"] = fields["Q"][-1]
+    if "parameters" in given:
+        after["parameters"] = values[-1]
+    if "dt" in given and periods is not None:
+        after["dt"] = periods[-1:]
+    if values.size:
+        inputs = side_by_side(inputs, values)
+    return InRecord(NonlinearRows(filter.functions, **fields), inputs, as_held(after))
 
 
 @kernel
@@ -543,6 +641,7 @@ def run_nonlinear(
             if r * count + first >= due:
                 due = poll(r * count + first)
             last = min(count, due - r * count)
+            # x(k|k-1), P(k|k-1), then x(k|k), P(k|k)
             _run_rows(
                 model, weights, measurements, inputs, fresh, posteriors, rows, kept, work, ends, r,
                 first, last,
@@ -578,7 +677,7 @@ def _run_rows(
             rows.log_likelihood[r, k] = correct(
                 model, weights, k, y, inputs[r, k + 1], mean, covariance, innovation,
                 posteriors.noises[r],
-                weight_of_row(posteriors, r, k, work.linear.rules.forgetting), work,
+                weight_of_row(posteriors.counts[r] + k, work.linear.rules.forgetting), work,
             )  # fmt: skip
             if math.isnan(rows.log_likelihood[r, k]):
                 ends[r, 1] = work.cause[0]
@@ -603,6 +702,7 @@ def predict_nonlinear(
     for k in range(len(next_means)):
         if k >= due:
             due = poll(k)
+        # x(k+1|k), P(k+1|k), cov(x(k), x(k+1))
         if not predict(
             model, weights, k + 1, inputs[k + 1], means[k], covariances[k], next_means[k],
             next_covariances[k], work,
@@ -613,107 +713,10 @@ def predict_nonlinear(
     return len(next_means)
 
 
-LONGER = 1e-3  # of a sampling period: how much longer the time to a row may be
-MOST_PARTS = 10_000_000  # predictions in a gap, a second or more
-
-TAKES = ("Q", "R", "parameters", "dt", "keep")
-CAUSES = {
-    NO_STATE: "f, or the covariance after it, is not finite at the next sample",
-    NO_OUTPUT: "h is not finite at the next sample",
-    **LINEAR_CAUSES,
-    NO_ROOT: "the covariance of the state is no longer positive semidefinite, so that it has no "
-    "Cholesky factor",
-    NO_POSTERIOR: "the next correction is not finite",
-}
-
-
-def by_row(
-    model: NonlinearModel,
-    given: Mapping[str, Any],
-    rows: int,
-    held: Mapping[str, Array],
-    periods: Array | None,
-) -> tuple[dict[str, Any], Array]:
-    """Q, R and the steps of a record of k rows, and values of the parameters behind its inputs.
-
-    ``given`` are Q, R and parameters by name, ``held`` those that lead to the first row, where they
-    are not the model's. ``periods`` [s] lead to each row, (k + 1,), from the one before the record
-    on; None where all are the sampling period.
-    """
-    fields: dict[str, Any] = {"Q": for_loop(model.Q)[None], "R": for_loop(model.R)[None]}
-    fields["steps"], fields["parts"] = model.steps, np.ones((1, 2), np.int64)
-    values = model.parameter_values[None]
-    if periods is not None:
-        if not model.continuous:
-            problem = "can only be given for a model of a differential equation, by from_ode"
-            raise InputError("dt", problem)
-        if model.density is None and "Q" not in given:
-            raise InputError(
-                "Q", "is the covariance of one sampling period; for other periods give "
-                "from_ode the density of the noise, or Q by row",
-            )  # fmt: skip
-        parts = parts_of(periods, model.sampling_period)
-        fields["steps"] = periods / (model.substeps * parts)
-        fields["parts"] = np.stack([parts, parts], axis=1)
-        if model.density is not None:
-            fields["Q"] = model.density * (periods / parts)[:, None, None]
-        # What is given is the noise of the whole time to a row.
-        if "Q" in held:
-            fields["parts"][0, 1] = 1
-        if "Q" in given:
-            fields["parts"][1:, 1] = 1
-    if "R" in given:
-        fields["R"] = as_covariances("R", given["R"], model.outputs, rows, definite=True)
-    first = held["Q"][None] if "Q" in held else fields["Q"][:1]
-    if "Q" in given:
-        read = as_covariances("Q", given["Q"], model.states, rows)
-        fields["Q"] = np.concatenate([first, read])
-    elif "Q" in held:
-        fields["Q"] = np.concatenate([first, fields["Q"][0 if periods is None else 1 :]])
-    if "parameters" in given or "parameters" in held:
-        read = model.parameters_by_row(given.get("parameters", {}), rows)
-        before = held.get("parameters", model.parameter_values)
-        later = np.broadcast_to(read, (rows, read.shape[1]))
-        values = np.concatenate([before[None], later])
-    return fields, values
-
-
-def parts_of(periods: Array, sampling_period: float) -> NDArray[np.int64]:
-    """The number of predictions, of a sampling period at most, that lead to each row."""
-    counts = np.ceil(periods / sampling_period - LONGER)
-    if counts.max() > MOST_PARTS:
-        raise InputError(
-            "dt", f"of {periods.max():g} s between two rows is {counts.max():g} sampling periods, "
-            f"must be {MOST_PARTS} or fewer, as each is predicted",
-        )  # fmt: skip
-    return np.maximum(counts, 1).astype(np.int64)
-
-
-def nonlinear_in_record(
-    filter: Any,  # noqa: A002
-    given: Mapping[str, Any],
-    y: Array,
-    inputs: Array,
-    held: Mapping[str, Array],
-    periods: Array | None,
-) -> InRecord:
-    """The noise and steps of each row, and inputs with the parameters behind them."""
-    fields, values = by_row(filter.model, given, len(y), held, periods)
-    after = {}
-    if "Q" in given:
-        after["Q"] = fields["Q"][-1]
-    if "parameters" in given:
-        after["parameters"] = values[-1]
-    if "dt" in given and periods is not None:
-        after["dt"] = periods[-1:]
-    if values.size:
-        inputs = side_by_side(inputs, values)
-    return InRecord(NonlinearRows(filter.functions, **fields), inputs, as_held(after))
-
-
 NONLINEAR = FilterSteps(
     NonlinearModel, nonlinear_in_record, run_nonlinear, predict_nonlinear, new_filter_work, CAUSES
 )
+TAKES = ("Q", "R", "parameters", "dt", "keep")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -139,6 +139,7 @@ class SmoothVariableStructureFilter(LinearFilter):
 @inlined_kernel
 def _switching(innovation: Array, error: Array, parameters: Array, o: int) -> float:
     """The share of an output's innovation that is corrected."""
+    # (|e(k+1|k)| + gamma |e(k|k)|) / max(|e(k+1|k)|, psi)
     gamma, size = parameters[0], abs(innovation[o])
     share: float = (size + gamma * abs(error[o])) / max(size, parameters[1 + o])
     return share
@@ -150,6 +151,7 @@ def _switching_gain(
 ) -> None:
     """(15) in its form without division by the innovation."""
     n, m = gain.shape
+    # K = C^+ diag(share)
     for o in range(m):
         share = _switching(innovation, error, parameters, o)
         for a in range(n):
@@ -158,9 +160,10 @@ def _switching_gain(
 
 @allocating_kernel
 def _output_root(cross: Array, parameters: Array) -> Array:
-    """The lower Cholesky factor of C P C'."""
+    """The lower Cholesky factor of the outputs' covariance."""
     n, m = cross.shape
     root = np.zeros((m, m))
+    # L L' = C P C', row by row
     for o in range(m):
         for q in range(o + 1):
             total = 0.0
@@ -179,21 +182,25 @@ def _output_root(cross: Array, parameters: Array) -> Array:
 def _weighted_gain(
     cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
 ) -> None:
-    """The same with P C' (C P C')^-1 for the inverse."""
+    """(15) with the inverse that is weighted by the predicted covariance."""
     n, m = gain.shape
     root = _output_root(cross, parameters)
+    # C^+ = P C' (C P C')^-1
     for a in range(n):
+        # Z L' = P C'
         for o in range(m):
             total = cross[a, o]
             for i in range(o):
                 total -= root[o, i] * gain[a, i]
             gain[a, o] = total / root[o, o]
+        # C^+ L = Z
         for back in range(m):
             o = m - 1 - back
             total = gain[a, o]
             for i in range(o + 1, m):
                 total -= root[i, o] * gain[a, i]
             gain[a, o] = total / root[o, o]
+    # K = C^+ diag(share)
     for o in range(m):
         share = _switching(innovation, error, parameters, o)
         for a in range(n):

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_whole
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.interrupts import FIRST, poll
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_sample_rows
 from reobserve.observers.augmented_kalman import CROSS, AugmentedKalmanFilter
@@ -224,7 +224,6 @@ def _smooth(
     periods: Array, root: Array, gain: Array, change: Array,
 ) -> int:  # fmt: skip
     """Smooth filtered means and covariances in place, and return the row that fails, or -1."""
-    n = means.shape[1]
     due = FIRST
     for back in range(len(next_means)):
         if back >= due:
@@ -232,29 +231,44 @@ def _smooth(
         k = len(next_means) - 1 - back
         if not take_root(next_covariances[k], root):
             return k
+        # G(k) = cov(x(k), x(k+1)) P(k+1|k)^-1
         solve_by_root(root, crosses[k], gain)
-        # x_s(k) = x(k|k) + G (x_s(k+1) - x(k+1|k))
-        total = 0.0
-        for a in range(n):
-            for i in range(n):
-                means[k, a] += gain[a, i] * shortest(means[k + 1, i] - next_means[k, i], periods[i])
-            total += means[k, a]
-        # P_s(k) = P(k|k) + G (P_s(k+1) - P(k+1|k)) G'
-        for a in range(n):
-            for i in range(n):
-                change[a, i] = 0.0
-                for j in range(n):
-                    difference = covariances[k + 1, j, i] - next_covariances[k, j, i]
-                    change[a, i] += gain[a, j] * difference
-        for a in range(n):
-            for b in range(a + 1):
-                for i in range(n):
-                    covariances[k, a, b] += change[a, i] * gain[b, i]
-                covariances[k, b, a] = covariances[k, a, b]
-            total += covariances[k, a, a]
+        # x_s(k), P_s(k) from x_s(k+1), P_s(k+1)
+        total = _smooth_row(
+            means[k + 1], covariances[k + 1], next_means[k], next_covariances[k], means[k],
+            covariances[k], periods, gain, change,
+        )  # fmt: skip
         if not math.isfinite(total):
             return k
     return -1
+
+
+@inlined_kernel
+def _smooth_row(
+    later_mean: Array, later_covariance: Array, next_mean: Array, next_covariance: Array,
+    mean: Array, covariance: Array, periods: Array, gain: Array, change: Array,
+) -> float:  # fmt: skip
+    """Smooth a row by the later one, and return a sum that is finite if all of it is."""
+    n, total = len(mean), 0.0
+    # x_s(k) = x(k|k) + G (x_s(k+1) - x(k+1|k))
+    for a in range(n):
+        for i in range(n):
+            mean[a] += gain[a, i] * shortest(later_mean[i] - next_mean[i], periods[i])
+        total += mean[a]
+    # T = G (P_s(k+1) - P(k+1|k))
+    for a in range(n):
+        for i in range(n):
+            change[a, i] = 0.0
+            for j in range(n):
+                change[a, i] += gain[a, j] * (later_covariance[j, i] - next_covariance[j, i])
+    # P_s(k) = P(k|k) + T G'
+    for a in range(n):
+        for b in range(a + 1):
+            for i in range(n):
+                covariance[a, b] += change[a, i] * gain[b, i]
+            covariance[b, a] = covariance[a, b]
+        total += covariance[a, a]
+    return total
 
 
 @kernel
@@ -268,6 +282,7 @@ def _smooth_late(
     for k in range(count):
         last = min(k + lag, count - 1)
         size = last - k + 1
+        # x_s(k) = E[x(k) | y(0), ..., y(k + lag)]
         for row in range(size):
             assign(some[row], means[k + row])
             assign_matrix(spreads[row], covariances[k + row])
