@@ -50,8 +50,9 @@ from reobserve.observers.gaussian_state import (
     warn_of_starts,
 )
 from reobserve.observers.many_records import in_threads, part
+from reobserve.observers.one_row import OneRow, is_plain
 from reobserve.observers.record import Batch, Record, Rows, check_state
-from reobserve.observers.run import AxisNames, names_by_model
+from reobserve.observers.run import AxisNames, Estimate, names_by_model
 from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
@@ -409,6 +410,64 @@ class GaussianFilter(Observer[KalmanState]):
                 self.steps.run(model, method, y, inputs, fresh, after, rows, kept, work, ends)
             spare.append(work)
         return rows, kept, ends
+
+    def _quick_step(
+        self, state: KalmanState, y: Any, u: Any
+    ) -> tuple[KalmanState, Estimate] | None:
+        (n, p, m), learned = self._sizes, self.noise_memory is not None
+        if (
+            type(state) is not KalmanState or vars(state).get("checked") != (n, p, m)
+            or state.held is not None or state.sample is None or state.count <= n
+            or (state.noise is not None) is not learned or not is_plain(y, u, m, p)
+        ):  # fmt: skip
+            return None
+        row = self._spare_rows.pop() if self._spare_rows else self._new_row()
+        after, rows, ends = row.posterior, row.rows, row.arguments[-1]
+        after.means[0], after.covariances[0] = state.posterior.mean, state.posterior.covariance
+        after.errors[0] = state.posterior.error
+        if learned:
+            after.noises[0], after.counts[0] = state.noise, state.count + 1
+        row.y[0], row.inputs[0, :p] = y, state.sample[m:]
+        row.inputs[1, :p] = () if u is None else u
+        row.run()
+        if not ends[0, 0]:
+            return None  # which is told by the way of all records
+        known, values, units = self.units, {}, {}
+        for name, array in self._by_name(rows, None, ()).items():
+            values[name], units[name] = array[0, 0].copy(), known.get(name, "")
+        count, T = state.count + 1, self.sampling_period
+        time = None if state.time is None else state.time + T
+        reached = KalmanState._made(
+            posterior=Gaussian._made(
+                mean=after.means[0].copy(), covariance=after.covariances[0].copy(),
+                error=after.errors[0].copy(),
+            ),
+            sample=np.concatenate([y, u]) if p else y.copy(), count=count, held=None, time=time,
+            noise=after.noises[0].copy() if learned else None, checked=(n, p, m),
+        )  # fmt: skip
+        self._spare_rows.append(row)
+        return reached, Estimate(count * T if time is None else time, values, units)
+
+    @cached_property
+    def _spare_rows(self) -> list[OneRow]:
+        """Rows that no thread uses at the moment."""
+        return []
+
+    def _new_row(self) -> OneRow:
+        n, p, m = self._sizes
+        y, ends = np.zeros((1, 1, m)), np.zeros((1, 2), np.int64)
+        model, inputs, _ = self.steps.in_record(self, {}, y[0], np.zeros((1, 2, p)), {}, None)
+        after = FilterPosteriors(
+            np.zeros((1, n)), np.zeros((1, n, n)), np.zeros((1, m)), np.ones((1, m)), np.zeros(1)
+        )
+        rows = FilterRows(
+            *map(
+                np.empty,
+                ((1, 1, n), (1, 1, n, n), (1, 1, m), (1, 1, m, m), (1, 1), (1, 1, m), (1, 1, m)),
+            )
+        )
+        arguments = model, self.method, y, inputs, False, after, rows, None, self._work(), ends
+        return OneRow(self.steps.run, arguments, after, rows, y[0], inputs[0])
 
     @cached_property
     def _spare(self) -> list[Any]:

@@ -75,6 +75,7 @@ from reobserve.observers.kalman import (
     shortest,
     weight_of_row,
 )
+from reobserve.observers.one_row import OneRow, is_plain
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, Estimate, Run, names_by_model
 from reobserve.systems.linear import ModelRows
@@ -827,6 +828,68 @@ class IMM(Observer[ImmState]):
         if good < k and (posteriors.covariances.diagonal(0, 1, 2) < 0).any():
             why = NEGATIVE_CAUSE
         return Rows(estimates, good, reached, finding=why)
+
+    def _quick_step(self, state: ImmState, y: Any, u: Any) -> tuple[ImmState, Estimate] | None:
+        (_, n, _, m), p, learned = self._sizes, self.inputs, self.noise_memory is not None
+        if (
+            not self._plain or type(state) is not ImmState
+            or vars(state).get("checked") != self._mark
+            or state.held is not None or state.sample is None or state.count <= n
+            or (state.noise is not None) is not learned or not is_plain(y, u, m, p)
+        ):  # fmt: skip
+            return None
+        row = self._spare_rows.pop() if self._spare_rows else self._new_row()
+        after, rows = row.posterior, row.rows
+        after.means[...], after.covariances[...] = state.means, state.covariances
+        after.errors[...], after.log_probabilities[...] = state.errors, state.log_probabilities
+        if learned:
+            after.noise[...], after.begun[0] = state.noise, state.count + 1
+        row.y[0], row.inputs[0, :p] = y, state.sample[m:]
+        row.inputs[1, :p] = () if u is None else u
+        if not row.run():
+            return None  # which is told by the way of all records
+        values = {"state": rows.state[0].copy(), "variance": rows.covariance[0].diagonal().copy()}
+        for name, array in rows._asdict().items():
+            values[name] = array[0].copy()
+        if self.gate is None:
+            del values["outlier"]
+        if not learned:
+            del values["noise_variance"]
+        known, units = self.units, {}
+        for name in values:
+            units[name] = known.get(name, "")
+        count, T = state.count + 1, self.sampling_period
+        time = None if state.time is None else state.time + T
+        reached = self._state(
+            after.means.copy(), after.covariances.copy(), after.errors.copy(),
+            after.log_probabilities.copy(), np.concatenate([y, u]) if p else y.copy(), count,
+            None, time, after.noise.copy() if learned else None,
+        )  # fmt: skip
+        self._spare_rows.append(row)
+        return reached, Estimate(count * T if time is None else time, values, units)
+
+    @cached_property
+    def _plain(self) -> bool:
+        """True for a bank of this class on linear models, whose rows need nothing but y and u."""
+        return type(self) is IMM and bool(self._linear)
+
+    @cached_property
+    def _spare_rows(self) -> list[OneRow]:
+        """Rows that no thread uses at the moment."""
+        return []
+
+    def _new_row(self) -> OneRow:
+        (r, n, _, m), p = self._sizes, self.inputs
+        after = Posteriors(
+            np.zeros((r, n)), np.zeros((r, n, n)), np.zeros((r, m)), np.zeros(r), np.ones(m),
+            np.zeros(1),
+        )  # fmt: skip
+        y, inputs, rows = np.zeros((1, m)), np.zeros((2, 1, p)), new_bank_rows(1, r, n, m)
+        gate = np.inf if self.gate is None else self.gate
+        bank = Bank(self._model, self._parameters, self._chance, self.mixing, gate)
+        work = new_bank_work(after, self.mixing, self._rules)
+        arguments = bank, self._gain, after, y, inputs, False, work, rows
+        return OneRow(run_bank, arguments, after, rows, y, inputs[:, 0])
 
     def _inputs(self, state: ImmState, record: Record) -> tuple[Array, Array | None]:
         """The input of the row before a record, then of each row, (k + 1, 1 or r, p), and past."""

@@ -888,7 +888,8 @@ class LinearFilter(GaussianFilter):
         self, state: KalmanState, y: ArrayLike, u: ArrayLike | None = None, *,
         time: float | None = None, A: ArrayLike | None = None, B: ArrayLike | None = None,
         C: ArrayLike | None = None, D: ArrayLike | None = None, Q: ArrayLike | None = None,
-        R: ArrayLike | None = None, S: ArrayLike | None = None, keep: str | Sequence[str] | None = None,
+        R: ArrayLike | None = None, S: ArrayLike | None = None,
+        keep: str | Sequence[str] | None = None,
     ) -> tuple[KalmanState, Estimate]:  # fmt: skip
         """Take one row: the next state, and the estimates at it.
 
@@ -915,8 +916,8 @@ class LinearFilter(GaussianFilter):
         self, y: ArrayLike, u: ArrayLike | None = None, *, state: KalmanState | None = None,
         time: ArrayLike | None = None, A: ArrayLike | None = None, B: ArrayLike | None = None,
         C: ArrayLike | None = None, D: ArrayLike | None = None, Q: ArrayLike | None = None,
-        R: ArrayLike | None = None, S: ArrayLike | None = None, keep: str | Sequence[str] | None = None,
-        on_divergence: OnDivergence = "raise",
+        R: ArrayLike | None = None, S: ArrayLike | None = None,
+        keep: str | Sequence[str] | None = None, on_divergence: OnDivergence = "raise",
     ) -> Run[KalmanState]:  # fmt: skip
         """Estimates at all rows of a record, by one compiled loop.
 
