@@ -200,7 +200,7 @@ class Observer(Value, ABC, Generic[StateKind]):
     def _quick_step(
         self, state: StateKind, y: ArrayLike, u: ArrayLike | None
     ) -> tuple[StateKind, Estimate] | None:
-        """`step` on plain numbers where an observer has a faster way with the same bits."""
+        """`step` on plain numbers where an observer has a faster way, bitwise the same."""
         return None
 
     def _run_given(
@@ -209,7 +209,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         middle: Pair | None = None,
     ) -> Run[StateKind]:  # fmt: skip
         """`run`, with what a class takes beside y, u and time in ``given``, by name."""
-        loud = on_divergence == "raise"
+        loud = type(on_divergence) is str and on_divergence == "raise"
         if not loud:
             as_word("on_divergence", on_divergence, ("raise", "return"))
         plain = type(y) is np.ndarray and y.ndim < 3 and (u is None or type(u) is np.ndarray)

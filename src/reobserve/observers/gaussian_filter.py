@@ -431,7 +431,7 @@ class GaussianFilter(Observer[KalmanState]):
         row.inputs[1, :p] = () if u is None else u
         row.run()
         if not ends[0, 0]:
-            return None  # which is told by the way of all records
+            return None  # the way of all records says why
         known, values, units = self.units, {}, {}
         for name, array in self._by_name(rows, None, ()).items():
             values[name], units[name] = array[0, 0].copy(), known.get(name, "")

@@ -847,7 +847,7 @@ class IMM(Observer[ImmState]):
         row.y[0], row.inputs[0, :p] = y, state.sample[m:]
         row.inputs[1, :p] = () if u is None else u
         if not row.run():
-            return None  # which is told by the way of all records
+            return None  # the way of all records says why
         values = {"state": rows.state[0].copy(), "variance": rows.covariance[0].diagonal().copy()}
         for name, array in rows._asdict().items():
             values[name] = array[0].copy()

@@ -53,7 +53,7 @@ def extended(rho: float, step: float) -> Callable[[], Any]:
     )
     time = 0.5 * step * np.arange(2 * 3000 + 1)
     u = np.column_stack([np.sin(time), np.cos(time)])
-    y, start = still(None, 3000), observer.init([1.0, 0.0], 0.5)
+    y, start = still(None, 3000), observer.init([1.0, 0.0], delay=0.5)
     return lambda: run_on_halves(observer, y, u, state=start)
 
 

@@ -106,7 +106,8 @@ def run_over(
 ) -> Run[Any]:
     """A run over steps that end at the rows of z, u held over each, from before the first one."""
     held = np.empty((len(z), 0)) if u is None else u
-    return observer.run(z, from_rows_on(held), state=observer.init(*start, u=held[0]), **how)
+    begin = dict(zip(("mean", "covariance", "probabilities"), start, strict=False))
+    return observer.run(z, from_rows_on(held), state=observer.init(**begin, u=held[0]), **how)
 
 
 def from_rows_on(held: Array) -> Array:

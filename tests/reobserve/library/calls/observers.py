@@ -236,6 +236,13 @@ def _nonlinear_filters() -> Iterator[Call]:
     name = "systems.nonlinear.NonlinearModel.from_ode"
     yield Call(name, integrated, (["w", "-a"], "a", 1e-4, 1e-2, 0.01, 2))
 
+    def integrated_functions(f: Any, h: Any, states: Any, inputs: Any, outputs: Any) -> object:
+        sizes = {"states": states, "inputs": inputs, "outputs": outputs}
+        return NonlinearModel.from_ode(f, h, Q=1e-4, R=1e-2, sampling_period=0.01, **sizes)
+
+    name = "systems.nonlinear.NonlinearModel.from_ode, functions"
+    yield Call(name, integrated_functions, (lambda x, u: -x, lambda x: x[:1], 2, 1, 1))
+
     def by_row(parameters: Any) -> object:
         return made_of(*texts, *names, 1.0, 0.01, 2).parameters_by_row(parameters, 3)
 

@@ -96,7 +96,7 @@ def test_invalid_design_call_is_refused_in_one_sentence(case: str) -> None:
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
 def test_order_beyond_the_series_is_refused(kind: Any, order: int) -> None:
     with pytest.raises(InputError, match=rf"^order: {order} must be from 0 to 12, one less"):
-        kind(form(), order, sampling_period=0.01)
+        kind(form(), order=order, sampling_period=0.01)
 
 
 def test_invalid_injection_is_refused() -> None:
@@ -119,7 +119,7 @@ def test_invalid_injection_is_refused() -> None:
 
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
 def test_invalid_initial_estimates_and_states_are_refused(kind: Any) -> None:
-    observer = kind(form(), 4, sampling_period=0.01)
+    observer = kind(form(), order=4, sampling_period=0.01)
     with pytest.raises(InputError, match=r"^state: has shape \(3,\), must be a list of"):
         observer.init([0, 0, 0])
     with pytest.raises(InputError, match=r"^state: .* not finite"):
