@@ -419,6 +419,7 @@ class GaussianFilter(Observer[KalmanState]):
             type(state) is not KalmanState or vars(state).get("checked") != (n, p, m)
             or state.held is not None or state.sample is None or state.count <= n
             or (state.noise is not None) is not learned or not is_plain(y, u, m, p)
+            or type(self)._fill is not GaussianFilter._fill
         ):  # fmt: skip
             return None
         row = self._spare_rows.pop() if self._spare_rows else self._new_row()
@@ -460,12 +461,8 @@ class GaussianFilter(Observer[KalmanState]):
         after = FilterPosteriors(
             np.zeros((1, n)), np.zeros((1, n, n)), np.zeros((1, m)), np.ones((1, m)), np.zeros(1)
         )
-        rows = FilterRows(
-            *map(
-                np.empty,
-                ((1, 1, n), (1, 1, n, n), (1, 1, m), (1, 1, m, m), (1, 1), (1, 1, m), (1, 1, m)),
-            )
-        )
+        shapes = (1, 1, n), (1, 1, n, n), (1, 1, m), (1, 1, m, m), (1, 1), (1, 1, m), (1, 1, m)
+        rows = FilterRows(*map(np.empty, shapes))
         arguments = model, self.method, y, inputs, False, after, rows, None, self._work(), ends
         return OneRow(self.steps.run, arguments, after, rows, y[0], inputs[0])
 

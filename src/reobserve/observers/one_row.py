@@ -46,11 +46,9 @@ class OneRow:
 def _machine_code(loop: Any, arguments: tuple[Any, ...]) -> Any:
     """The code that numba compiled for arguments of these types, None where it does not say."""
     try:
-        found = loop.overloads[tuple(map(loop.typeof_pyval, arguments))]
-        entry = found.entry_point
+        return loop.overloads[tuple(map(loop.typeof_pyval, arguments))].entry_point
     except (AttributeError, KeyError):  # of Python, or of another numba
         return None
-    return entry
 
 
 def is_plain(y: Any, u: Any, m: int, p: int) -> bool:

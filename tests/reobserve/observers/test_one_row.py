@@ -23,6 +23,8 @@ from reobserve.core.errors import ReobserveError
 from reobserve.observers import one_row
 from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_filter import GaussianFilter
+from reobserve.observers.gaussian_state import KalmanState
+from reobserve.observers.record import Record, Rows
 
 CHAIN = [[0.9, 0.1], [0.2, 0.8]]
 
@@ -184,6 +186,33 @@ def test_states_are_not_changed_and_estimates_are_their_own(observer: Any) -> No
         observer.step(begun(observer, 20), np.full(m, 5.0), np.full(p, -1.0))
     assert {name: np.asarray(value).tobytes() for name, value in kept.estimates.items()} == bits
     assert stepped(observer, first, *row) == before
+
+
+class Mirrored(KalmanFilter):
+    """A user's filter that calls the loop in a way of its own."""
+
+    def _fill(self, state: KalmanState, record: Record) -> Rows:
+        return super()._fill(state, record._replace(y=-record.y))
+
+
+class MirroredBank(IMM):
+    """A user's bank that calls the loop in a way of its own."""
+
+    def _fill(self, state: Any, record: Record) -> Rows:
+        return super()._fill(state, record._replace(y=-record.y))
+
+
+@pytest.mark.parametrize(
+    "observer",
+    [
+        Mirrored(model(2, 1, 0)),
+        MirroredBank([KalmanFilter(model(2, 1, 0))] * 2, CHAIN),
+    ],
+)
+def test_step_calls_the_loop_as_a_subclass_does(observer: Any) -> None:
+    state, y = begun(observer), np.array([0.3])
+    run = observer.run(y[None], state=state)
+    assert np.array_equal(observer.step(state, y)[1]["state"], run["state"][0])
 
 
 def test_error_of_a_function_is_raised_and_the_next_step_is_right() -> None:
