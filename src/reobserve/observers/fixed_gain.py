@@ -109,9 +109,9 @@ class FixedGainObserver(LinearFilter):
     def init(
         self, mean: ArrayLike, covariance: ArrayLike = 0.0, *, u: ArrayLike | None = None
     ) -> KalmanState:
-        """The state before the first row, from what `GaussianFilter.init` takes.
+        """The state before the first row, from ``mean`` and ``u`` as `KalmanFilter.init` has them.
 
-        The ``covariance`` is only for those who read the variance; ``mean`` and ``u`` are as there.
+        Without a ``gate``, the estimates of the state do not depend on ``covariance``.
         """
         return super().init(mean, covariance, u=u)
 

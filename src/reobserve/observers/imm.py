@@ -466,7 +466,7 @@ class IMM(Observer[ImmState]):
 
     `init` takes mean, covariance and probabilities. `run` and `step` take y, shape (k, m), nan
     where missing, and u, (k, p); of a bank of filters on linear models, by name, also A, B, C, D,
-    Q, R and S, as `GaussianFilter` has them, for all modes, or (k, r, ., .), one for each mode.
+    Q, R and S, as `KalmanFilter.run` has them, for all modes, or (k, r, ., .), one for each mode.
     Estimates, in units of the models: ``state``, x, shape (k, n), ``covariance``, P, (k, n, n), and
     its diagonal ``variance``, (k, n); ``probability``, mu, (k, r); ``innovation``, (k, r, m), of
     each filter, nan where missing; and ``log_likelihood``, (k,), of the measurement over all modes,
@@ -484,10 +484,10 @@ class IMM(Observer[ImmState]):
         Whether posteriors interact, (9) and (10). Without, each filter goes its own way and only
         the probabilities of the modes follow the chain.
     gate
-        As `GaussianFilter` has it, for the bank: an output is left out if all filters would leave
-        it out, as ``outlier``, (k, m), says.
+        As `KalmanFilter` has it, for the bank: an output is left out if all filters would leave it
+        out, as ``outlier``, (k, m), says.
     noise_memory
-        As `GaussianFilter` has it, of a bank of Kalman filters whose R is the same: what a row says
+        As `KalmanFilter` has it, for a bank of Kalman filters whose R is the same: what a row says
         of R is the mean over the modes by their probabilities.
 
     Raises

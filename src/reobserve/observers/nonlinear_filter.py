@@ -824,7 +824,7 @@ class ExtendedKalmanFilter(NonlinearFilter):
 
     Jazwinski 1970, Stochastic Processes and Filtering Theory, theorem 8.1. `init` takes mean and
     covariance; `run` and `step` take y, shape (k, m), nan where missing, and u, (k, p), and by name
-    Q, R, ``parameters``, ``dt`` and ``keep``, see `GaussianFilter`. Estimates, in units of the
+    Q, R, ``parameters``, ``dt`` and ``keep``, see `run`. Estimates, in units of the
     model: ``state``, x, shape (k, n), ``covariance``, P, (k, n, n), and its diagonal ``variance``,
     (k, n); ``innovation``, y - h(x, u), (k, m), ``innovation_covariance``, S, (k, m, m), and
     ``log_likelihood``, (k,).

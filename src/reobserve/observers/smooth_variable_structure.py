@@ -40,7 +40,7 @@ class SmoothVariableStructureFilter(LinearFilter):
     and the filter is the open-loop model.
 
     `init` takes mean and covariance; `run` and `step` take y, shape (k, m), nan where missing, and
-    u, (k, p), and by name A, B, D, Q, R and ``keep``, see `GaussianFilter`. Estimates, in units of
+    u, (k, p), and by name A, B, D, Q, R and ``keep``, see `run`. Estimates, in units of
     the model: ``state``, shape (k, n), ``covariance``, (k, n, n), and its diagonal ``variance``,
     (k, n); ``innovation``, e(k+1|k), (k, m), ``innovation_covariance``, (k, m, m), and
     ``log_likelihood``, (k,).

@@ -201,10 +201,12 @@ class NonlinearModel:
         """The model of x' = f(x, u), y = h(x, u), with u held over each sampling period.
 
         It is integrated by the classical Runge-Kutta method; the Jacobian of a step is that of the
-        method itself, from ``F``, df/dx of the differential equation.
+        method itself.
 
         Parameters
         ----------
+        f, h, F, H
+            As in the class, but f is x', and F its Jacobian.
         Q
             Covariance of the noise that a sampling period adds to the state.
         density
@@ -216,9 +218,10 @@ class NonlinearModel:
             [s].
         substeps
             Steps of the method in a sampling period.
-        R, F, H, states, inputs, outputs, state_names, input_names, output_names, state_periods, \
-        output_periods, parameters, scale
+        R, states, inputs, outputs, state_names, input_names, output_names, parameters, scale
             As in the class.
+        state_periods, output_periods
+            Of angles, as in the class.
 
         Raises
         ------

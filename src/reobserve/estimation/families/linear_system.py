@@ -89,7 +89,7 @@ class LinearSystem(System):
 class NoisySystem(LinearSystem):
     """A linear system of which the noise is known, and the covariance of the initial state.
 
-    ``gate``, ``outliers`` and ``noise_memory`` [s] are those of `GaussianFilter`.
+    ``gate``, ``outliers`` and ``noise_memory`` [s] are those of `KalmanFilter`.
     """
 
     Q: Array

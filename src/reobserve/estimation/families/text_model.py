@@ -91,7 +91,7 @@ class TextSystem(System):
     either time. ``parameters`` are further names in the texts, with their values; those named in
     ``parameter_states`` become states behind the others, from that value on. ``periods`` are those
     of states and measurements that are angles, and ``gate``, ``outliers`` and ``noise_memory`` [s]
-    those of `GaussianFilter`.
+    those of `KalmanFilter`.
     """
 
     time: Literal["continuous", "discrete"]
