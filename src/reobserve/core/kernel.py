@@ -7,11 +7,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, cached_property, update_wrapper
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any, TypeVar, cast
 
 import numba
 
+from reobserve.core import compile_notice
 from reobserve.core.import_closure import closure_digest, source
 from reobserve.core.kernel_cache import cache_in, compiling, own_folder
 
@@ -29,6 +30,7 @@ def _uncounted() -> dict[str, Any]:
 
 
 _UNCOUNTED = _uncounted()
+compile_notice.install()
 
 
 def kernel(function: Function) -> Function:
@@ -49,6 +51,46 @@ def allocating_kernel(function: Function) -> Function:
     return cast(Function, _cached(function, numba.njit, **counted, **_OPTIONS))
 
 
+def _compiler_of_inlined() -> dict[str, Any]:
+    """The option of a compiler that makes no machine code, or none if numba has no such thing.
+
+    Code that others inline is never called by itself.
+    """
+    usual: Any = getattr(getattr(numba.njit(_uncounted), "_compiler", None), "pipeline_class", None)
+    if not isinstance(usual, type):
+        return {}
+
+    def begin(self: Any, types: Any, target: Any, library: Any, *rest: Any) -> None:
+        library = library or _inlined_library(target.codegen())
+        usual.__init__(self, types, target, library, *rest)  # type: ignore[misc]
+
+    return {"pipeline_class": type("_OfInlined", (usual,), {"__init__": begin})}
+
+
+def _inlined_library(codegen: Any) -> Any:
+    """A library of numba's that is linked into others and never run, None for an unknown numba."""
+    kind: Any = getattr(codegen, "_library_class", None)
+    if not {"_finalize_final_module", "_finalize_dynamic_globals", "codegen"} <= {*dir(kind)}:
+        return None
+
+    def finalize(self: Any) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    methods = {
+        "_finalize_final_module": finalize,
+        "get_pointer_to_function": lambda *_: 0,
+        "codegen": SimpleNamespace(set_env=lambda *_: None),
+    }
+    return type("_Inlined", (kind,), methods)(codegen, "inlined")
+
+
+_INLINED: dict[str, Any] = {
+    "forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True,
+    **_compiler_of_inlined(),
+}  # fmt: skip
+
+
 class InlinedKernel:
     """A function that is inlined into the kernels that call it, and that Python may call as well.
 
@@ -58,8 +100,7 @@ class InlinedKernel:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         update_wrapper(self, function)
-        options = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        self._inlined = _cached(function, numba.njit, **options, **_UNCOUNTED, **_OPTIONS)
+        self._inlined: Any = numba.njit(**_INLINED, **_UNCOUNTED, **_OPTIONS)(function)
         self._function = function
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -13,6 +14,8 @@ from typing import Any, get_args, get_type_hints
 import numba
 import numpy as np
 from numba.core.dispatcher import Dispatcher
+
+from reobserve.core.kernel import FunctionPointer
 
 _DECORATED = re.compile(r"^@(\w+_)?kernel$", re.MULTILINE)
 _ALLOCATION = re.compile(rb"NRT_MemInfo_(alloc|new)")
@@ -61,8 +64,11 @@ def machine_code(kernel: Any) -> list[bytes]:
     """All machine code of a kernel in numba's cache, by this process or another one.
 
     The folder is of this source and this numba alone, see `reobserve.core.kernel`. Of what a kernel
-    calls, the process has nothing to show where the kernel came from the cache.
+    calls, the process has nothing to show where the kernel came from the cache. One that others
+    inline has none of its own.
     """
+    if kernel.stats.cache_path is None:
+        return []
     function = kernel.py_func
     line = function.__code__.co_firstlineno
     name = f"{function.__module__}.*.{function.__qualname__}-{line}.py*.nbc"
@@ -102,9 +108,17 @@ def allocates(kernel: Any) -> bool:
     return kernel.targetoptions.get("_nrt") is True
 
 
+def inlined(found: Mapping[str, Any]) -> set[int]:
+    """The ids of kernels that others name, or functions that loops call by a pointer."""
+    modules = {sys.modules[one.py_func.__module__] for one in found.values()}
+    things = [thing for module in modules for thing in vars(module).values()]
+    pointers = [thing for thing in things if isinstance(thing, FunctionPointer)]
+    return {id(called) for one in (*found.values(), *pointers) for called in callees(one)}
+
+
 def callees(kernel: Any) -> Iterator[Any]:
     """The kernels that one names."""
-    function = kernel.py_func
+    function = getattr(kernel, "py_func", None) or kernel._function
     names = function.__code__.co_names
     used = [function.__globals__.get(name) for name in names]
     for each in used:

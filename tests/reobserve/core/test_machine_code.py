@@ -48,7 +48,12 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def test_all_kernels_compile(compiled: dict[str, Any]) -> None:
-    missing = [name for name, one in compiled.items() if not kernels.machine_code(one)]
+    inlined = kernels.inlined(compiled)
+    missing = [
+        name
+        for name, one in compiled.items()
+        if not kernels.machine_code(one) and id(one) not in inlined
+    ]
     assert missing == [], "let the fixture call them"
 
 
