@@ -16,6 +16,7 @@ NAMES = (
     "delays",
     "filters",
     "kalman",
+    "large_models",
     "batches",
     "first_use",
     "designs",

@@ -9,6 +9,9 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 _CALLS, _ROUNDS = 1_000, 5
 
@@ -33,35 +36,69 @@ def first_run(kind: str) -> None:
 
 
 def later_calls() -> dict[str, float]:
-    """CPU seconds of a run of one row, a step, and a step of filterpy, of two states."""
+    """CPU seconds of a run of one row, of steps, and of steps of filterpy, of two states."""
     import numpy as np
-    from filterpy.kalman import KalmanFilter
+    from filterpy import kalman as theirs
 
-    from benchmarks.kalman_problem import linear_model, our_filter
+    import reobserve
+    from benchmarks.kalman_problem import linear_model, our_filter, ring, ring_jacobian
     from benchmarks.timing import medians
 
-    ours, model = our_filter("KF", 2), linear_model(2)
-    state, y, u = ours.init(np.zeros(2), 1.0), np.ones((1, 1)), np.ones((1, 1))
-    theirs = KalmanFilter(2, 1, 1)
-    theirs.F, theirs.B, theirs.H, _, theirs.Q, theirs.R = model.arrays
+    model, y, u = linear_model(2), np.ones((1, 1)), np.ones((1, 1))
+    stays = np.array([[0.95, 0.05], [0.05, 0.95]])
+    bank = reobserve.IMM([our_filter("KF", 2), reobserve.KalmanFilter(model)], stays)
+    ours = {"IMM": bank, **{kind: our_filter(kind, 2) for kind in ("KF", "EKF", "UKF")}}
+    starts = {kind: one.init(np.zeros(2), 1.0) for kind, one in ours.items()}
 
     def run() -> None:
         for _ in range(_CALLS):
-            ours.run(y, u, state=state)
+            ours["KF"].run(y, u, state=starts["KF"])
 
-    def step() -> None:
-        latest = state
+    def steps(kind: str) -> None:
+        latest = starts[kind]
         for _ in range(_CALLS):
-            latest, _ = ours.step(latest, y[0], u[0])
+            latest, _ = ours[kind].step(latest, y[0], u[0])
 
-    def filterpy() -> None:
+    def set_up(one: Any) -> Any:
+        one.F, one.B, one.H, _, one.Q, one.R = model.arrays
+        return one
+
+    points = theirs.MerweScaledSigmaPoints(2, 0.1, 2.0, 0.0)
+    unscented = theirs.UnscentedKalmanFilter(
+        2, 1, 1.0, hx=lambda x: x[:1], fx=lambda x, dt, u: ring(x, u), points=points
+    )
+    unscented.Q, unscented.R = model.Q, model.R
+    extended = set_up(theirs.ExtendedKalmanFilter(2, 1, 1))
+    alone = set_up(theirs.KalmanFilter(2, 1, 1))
+    pair = [set_up(theirs.KalmanFilter(2, 1, 1)) for _ in range(2)]
+    peers = {"KF": alone, "IMM": theirs.IMMEstimator(pair, np.full(2, 0.5), stays)}
+
+    def of_peer(kind: str) -> None:
         for _ in range(_CALLS):
-            theirs.predict(u)
-            theirs.update(y)
+            peers[kind].predict(u)
+            peers[kind].update(y)
 
-    jobs = {"run": run, "step": step, "filterpy": filterpy}
+    def of_extended() -> None:
+        for _ in range(_CALLS):
+            extended.F = ring_jacobian(extended.x[:, 0])
+            extended.x = ring(extended.x[:, 0], u[0])[:, None]
+            extended.P = extended.F @ extended.P @ extended.F.T + extended.Q
+            extended.update(y, lambda _: model.C, lambda x: x[:1])
+
+    def of_unscented() -> None:
+        for _ in range(_CALLS // 5):
+            unscented.predict(u=u[0])
+            unscented.update(y[0])
+
+    jobs: dict[str, Callable[[], None]] = {
+        "run": run,
+        **{kind: partial(steps, kind) for kind in ours},
+    }
+    jobs |= {f"filterpy {kind}": partial(of_peer, kind) for kind in peers}
+    jobs |= {"filterpy EKF": of_extended, "filterpy UKF": of_unscented}
     times = medians(jobs, _ROUNDS, time.process_time)
-    return {name: time_ / _CALLS for name, time_ in times.items()}
+    counts = dict.fromkeys(times, _CALLS) | {"filterpy UKF": _CALLS // 5}
+    return {name: time_ / counts[name] for name, time_ in times.items()}
 
 
 def main(what: str) -> None:
