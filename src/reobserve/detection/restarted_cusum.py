@@ -57,12 +57,12 @@ def _restarted(
 ) -> None:
     A, B, C, D, Q, R = healthy
     A1, B1, C1, D1, Q1, R1 = faulty
-    g = 0.0
+    g, large = 0.0, work.transposed
     for k in range(len(measurements)):
         y, u = measurements[k], inputs[k]
         if k > 0:
-            predict(A, B, Q, inputs[k - 1], mean, covariance, mean, covariance, work)
-            predict(A1, B1, Q1, inputs[k - 1], other, spread, other, spread, work)
+            predict(A, B, Q, inputs[k - 1], mean, covariance, mean, covariance, work, large)
+            predict(A1, B1, Q1, inputs[k - 1], other, spread, other, spread, work, large)
         # g = max(0, g + ln p1(y) - ln p0(y))
         ratio = correct(
             C1, D1, R1, error, 0.0, None, error, y, u, other, spread, error, innovation, work

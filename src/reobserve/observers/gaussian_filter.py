@@ -422,7 +422,10 @@ class GaussianFilter(Observer[KalmanState]):
             or type(self)._fill is not GaussianFilter._fill
         ):  # fmt: skip
             return None
-        row = self._spare_rows.pop() if self._spare_rows else self._new_row()
+        try:
+            row = self._spare_rows.pop()
+        except IndexError:
+            row = self._new_row()
         after, rows, ends = row.posterior, row.rows, row.arguments[-1]
         after.means[0], after.covariances[0] = state.posterior.mean, state.posterior.covariance
         after.errors[0] = state.posterior.error

@@ -298,6 +298,7 @@ def predict_modes(
         predict(
             A[j], B[j], Q[j], controls[min(j, len(controls) - 1)], mixed.means[j],
             mixed.covariances[j], posteriors.means[j], posteriors.covariances[j], work.of_filter,
+            work.of_filter.transposed,
         )  # fmt: skip
 
 
@@ -838,7 +839,10 @@ class IMM(Observer[ImmState]):
             or (state.noise is not None) is not learned or not is_plain(y, u, m, p)
         ):  # fmt: skip
             return None
-        row = self._spare_rows.pop() if self._spare_rows else self._new_row()
+        try:
+            row = self._spare_rows.pop()
+        except IndexError:
+            row = self._new_row()
         after, rows = row.posterior, row.rows
         after.means[...], after.covariances[...] = state.means, state.covariances
         after.errors[...], after.log_probabilities[...] = state.errors, state.log_probabilities

@@ -41,6 +41,7 @@ from reobserve.observers.kalman import (
     NEGATIVE,
     NO_INNOVATION,
     LinearWork,
+    add_product,
     assign,
     assign_matrix,
     below_zero,
@@ -62,6 +63,7 @@ from reobserve.observers.kalman import (
     new_linear_work,
     noise_of_row,
     shortest,
+    transpose,
     weight_of_row,
 )
 from reobserve.observers.run import Estimate, Run
@@ -142,29 +144,39 @@ def innovate(y: Array, expected: Array, innovation: Array, work: FilterWork) -> 
 @inlined_kernel
 def predict_extended(
     functions: Functions, steps: Any, k: int, Q: Array, u: Array, mean: Array, covariance: Array,
-    next_covariance: Array, work: FilterWork,
+    next_covariance: Array, work: FilterWork, transposed: Array | None,
 ) -> None:  # fmt: skip
     """Write f(x, u) to ``work.moved``, the covariance, and cov(x(k-1), x(k)) to ``work.cross``."""
-    n = len(work.linear.states)
     # x = f(x, u), A = df/dx
-    write_sizes(functions.F, functions.scale, mean, covariance, work.flow.sizes)
+    write_sizes(functions.numeric_f, functions.scale, mean, covariance, work.flow.sizes)
     move_and_derive(functions, steps, k, mean, u, work.moved, work.flow)
-    A, cross = work.flow.A, work.cross
-    # cov(x(k-1), x(k)) = P A'
-    for a in range(n):
-        for b in range(n):
-            total = 0.0
-            for i in range(n):
-                total += covariance[a, i] * A[b, i]
-            cross[a, b] = total
-    # P = A (P A') + Q
-    for a in range(n):
-        for b in range(a + 1):
-            total = Q[a, b]
-            for i in range(n):
-                total += A[a, i] * cross[i, b]
-            next_covariance[a, b] = total
-            next_covariance[b, a] = total
+    A, cross, n = work.flow.A, work.cross, len(work.linear.states)
+    if transposed is None:
+        # cov(x(k-1), x(k)) = P A'
+        for a in range(n):
+            for b in range(n):
+                total = 0.0
+                for i in range(n):
+                    total += covariance[a, i] * A[b, i]
+                cross[a, b] = total
+        # P = Q + A (P A')
+        for a in range(n):
+            for b in range(a + 1):
+                total = Q[a, b]
+                for i in range(n):
+                    total += A[a, i] * cross[i, b]
+                next_covariance[a, b] = total
+                next_covariance[b, a] = total
+    else:
+        # cov(x(k-1), x(k)) = P A'
+        transpose(A, transposed, False)
+        for a in range(n):
+            fill(cross[a], 0.0)
+        add_product(covariance, transposed, cross, False)
+        # P = Q + A (P A')
+        assign_matrix(next_covariance, Q)
+        add_product(A, cross, next_covariance, True)
+        transpose(next_covariance, next_covariance, True)
 
 
 @inlined_kernel
@@ -178,15 +190,15 @@ def correct_extended(
     """
     linear, flow = work.linear, work.flow
     # C = dh/dx
-    write_sizes(functions.H, functions.scale, mean, covariance, flow.sizes)
-    jacobian(functions.h, functions.H, mean, u, flow.C_flat, flow)
+    write_sizes(functions.numeric_h, functions.scale, mean, covariance, flow.sizes)
+    jacobian(functions.h, functions.H, functions.numeric_h, mean, u, flow.C_flat, flow)
     # e = y - h(x, u)
     expected = flow.values[0, : len(y)]
     call(functions.h, (mean, u, expected))
     if not innovate(y, expected, innovation, work):
         return math.nan
     # S = C P C' + R
-    log_likelihood = log_likelihood_of(flow.C, covariance, innovation, linear)
+    log_likelihood = log_likelihood_of(flow.C, covariance, innovation, linear, linear.transposed)
     if linear.rules.forgetting > 0.0:
         learn_noise(innovation, weight, linear)
     # K = P C' S^-1
@@ -194,7 +206,7 @@ def correct_extended(
     # x = x + K e
     correct_mean(mean, innovation, linear)
     # P = (I - K C) P (I - K C)' + K R K'
-    correct_covariance(flow.C, covariance, linear)
+    correct_covariance(flow.C, covariance, linear, linear.transposed)
     return log_likelihood
 
 
@@ -208,6 +220,16 @@ class Weights(NamedTuple):
     spread: float
     each: float
     first: float
+
+
+class Method(NamedTuple):
+    """Weights of sigma points, or True for the extended filter, and None for the other one.
+
+    numba leaves out branches of an argument that is None, but compiles those of one that is not.
+    """
+
+    weights: Weights | None
+    extended: bool | None
 
 
 @inlined_kernel
@@ -427,10 +449,10 @@ def solve_by_root(root: Array, cross: Array, gain: Array) -> None:
 
 
 @inlined_kernel
-def extend_cross(weights: Weights | None, work: FilterWork) -> None:
+def extend_cross(weights: Weights | None, extended: bool | None, work: FilterWork) -> None:
     """Write cov(x, x(k)) to ``work.cross``, from cov(x, x(k-1)), which is ``work.before``."""
     before, column, n = work.before, work.flow.point, len(work.before)
-    if weights is None:
+    if extended is not None:
         # cov(x, x(k)) = cov(x, x(k-1)) A'
         for a in range(n):
             for b in range(n):
@@ -438,23 +460,23 @@ def extend_cross(weights: Weights | None, work: FilterWork) -> None:
                 for i in range(n):
                     total += before[a, i] * work.flow.A[b, i]
                 work.cross[a, b] = total
-        return
-    # cov(x, x(k)) = cov(x, x(k-1)) P^-1 cov(x(k-1), x(k)), where P = L L' is that of x(k-1)
-    solve_by_root(work.root, before, before)
-    for b in range(n):
-        for i in range(n):
-            column[i] = work.cross[i, b]
-        for a in range(n):
-            total = 0.0
+    if weights is not None:
+        # cov(x, x(k)) = cov(x, x(k-1)) P^-1 cov(x(k-1), x(k)), where P = L L' is that of x(k-1)
+        solve_by_root(work.root, before, before)
+        for b in range(n):
             for i in range(n):
-                total += before[a, i] * column[i]
-            work.cross[a, b] = total
+                column[i] = work.cross[i, b]
+            for a in range(n):
+                total = 0.0
+                for i in range(n):
+                    total += before[a, i] * column[i]
+                work.cross[a, b] = total
 
 
 @inlined_kernel
 def predict(
-    model: NonlinearRows, weights: Weights | None, k: int, u: Array, mean: Array,
-    covariance: Array, next_mean: Array, next_covariance: Array, work: FilterWork,
+    model: NonlinearRows, weights: Weights | None, extended: bool | None, k: int, u: Array,
+    mean: Array, covariance: Array, next_mean: Array, next_covariance: Array, work: FilterWork,
 ) -> bool:  # fmt: skip
     """Time update to row k, in which what is read and what is written may be the same arrays.
 
@@ -468,14 +490,17 @@ def predict(
             assign_matrix(work.before, work.cross)
             mean, covariance = next_mean, next_covariance
         # x = f(x, u), P = A P A' + Q, or those of sigma points
-        if weights is None:
-            predict_extended(functions, steps, k, noise, u, mean, covariance, next_covariance, work)
-        elif not predict_unscented(
+        if extended is not None:
+            predict_extended(
+                functions, steps, k, noise, u, mean, covariance, next_covariance, work,
+                work.linear.transposed,
+            )  # fmt: skip
+        if weights is not None and not predict_unscented(
             functions, weights, steps, k, noise, u, mean, covariance, next_covariance, work
         ):
             return False
         if part > 0:
-            extend_cross(weights, work)
+            extend_cross(weights, extended, work)
         total = 0.0
         for a in range(len(work.linear.states)):
             next_mean[a] = shortest(work.moved[a], work.linear.rules.state_periods[a])
@@ -483,7 +508,7 @@ def predict(
         if not math.isfinite(total):
             work.cause[0] = NO_STATE
             return False
-    if weights is None:
+    if extended is not None:
         clip_variances(next_covariance, work.linear)
     elif below_zero(next_covariance, work.linear):
         work.cause[0] = NO_ROOT
@@ -493,8 +518,9 @@ def predict(
 
 @inlined_kernel
 def correct(
-    model: NonlinearRows, weights: Weights | None, k: int, y: Array, u: Array, mean: Array,
-    covariance: Array, innovation: Array, variances: Array, weight: float, work: FilterWork,
+    model: NonlinearRows, weights: Weights | None, extended: bool | None, k: int, y: Array,
+    u: Array, mean: Array, covariance: Array, innovation: Array, variances: Array, weight: float,
+    work: FilterWork,
 ) -> float:  # fmt: skip
     """Correct in place by the measurement, and return the log-likelihood, nan if it fails.
 
@@ -505,11 +531,12 @@ def correct(
     work.cause[0] = 0
     noise_of_row(model.R[min(k, len(model.R) - 1)], variances, work.linear)
     # x = x + K e, P = (I - K C) P (I - K C)' + K R K', or P - K S K' of sigma points
-    if weights is None:
+    log_likelihood = math.nan
+    if extended is not None:
         log_likelihood = correct_extended(
             functions, y, u, mean, covariance, innovation, weight, work
         )
-    else:
+    if weights is not None:
         log_likelihood = correct_unscented(
             functions, weights, y, u, mean, covariance, innovation, weight, work
         )
@@ -518,7 +545,7 @@ def correct(
         total += mean[a] + covariance[a, a]
     if below_zero(covariance, work.linear):
         vague = is_vague(innovation, work.linear)
-        if vague or weights is not None:
+        if vague or extended is None:
             work.cause[0] = NEGATIVE if vague else NO_ROOT
             return math.nan
         clip_variances(covariance, work.linear)
@@ -616,7 +643,7 @@ def nonlinear_in_record(
 @kernel
 def run_nonlinear(
     model: NonlinearRows,
-    weights: Weights | None,
+    method: Method,
     measurements: Array,
     inputs: Array,
     fresh: bool,
@@ -636,24 +663,26 @@ def run_nonlinear(
     """
     count, due = measurements.shape[1], FIRST
     for r in range(len(measurements)):
-        ends[r, 0] = ends[r, 1] = first = 0
+        ends[r, 0] = ends[r, 1] = 0
+        first = ends[r, 0]  # a literal 0 would have the rows compiled for it, too
         while first < count and ends[r, 0] == first:
             if r * count + first >= due:
                 due = poll(r * count + first)
             last = min(count, due - r * count)
             # x(k|k-1), P(k|k-1), then x(k|k), P(k|k)
             _run_rows(
-                model, weights, measurements, inputs, fresh, posteriors, rows, kept, work, ends, r,
-                first, last,
+                model, method.weights, method.extended, measurements, inputs, fresh, posteriors,
+                rows, kept, work, ends, r, first, last,
             )  # fmt: skip
             first = last
 
 
 @inlined_kernel
 def _run_rows(
-    model: NonlinearRows, weights: Weights | None, measurements: Array, inputs: Array, fresh: bool,
-    posteriors: FilterPosteriors, rows: FilterRows, kept: PredictedRows | None, work: FilterWork,
-    ends: NDArray[np.int64], r: int, first: int, last: int,
+    model: NonlinearRows, weights: Weights | None, extended: bool | None, measurements: Array,
+    inputs: Array, fresh: bool, posteriors: FilterPosteriors, rows: FilterRows,
+    kept: PredictedRows | None, work: FilterWork, ends: NDArray[np.int64], r: int, first: int,
+    last: int,
 ) -> None:  # fmt: skip
     """Filter the rows of a record from ``first`` to before ``last``."""
     mean, covariance = posteriors.means[r], posteriors.covariances[r]
@@ -661,7 +690,7 @@ def _run_rows(
         y, innovation = measurements[r, k], rows.innovation[r, k]
         # x = f(x, u), P = A P A' + Q, or that of sigma points
         if (k > 0 or not fresh) and not predict(
-            model, weights, k, inputs[r, k], mean, covariance, mean, covariance, work
+            model, weights, extended, k, inputs[r, k], mean, covariance, mean, covariance, work
         ):
             ends[r, 1] = work.cause[0]
             break
@@ -675,7 +704,7 @@ def _run_rows(
         else:
             # x = x + K (y - h(x, u)), P = (I - K C) P (I - K C)' + K R K'
             rows.log_likelihood[r, k] = correct(
-                model, weights, k, y, inputs[r, k + 1], mean, covariance, innovation,
+                model, weights, extended, k, y, inputs[r, k + 1], mean, covariance, innovation,
                 posteriors.noises[r],
                 weight_of_row(posteriors.counts[r] + k, work.linear.rules.forgetting), work,
             )  # fmt: skip
@@ -691,7 +720,7 @@ def _run_rows(
 
 @kernel
 def predict_nonlinear(
-    model: NonlinearRows, weights: Weights | None, inputs: Array, means: Array, covariances: Array,
+    model: NonlinearRows, method: Method, inputs: Array, means: Array, covariances: Array,
     next_means: Array, next_covariances: Array, crosses: Array, work: FilterWork,
 ) -> int:  # fmt: skip
     """Predict from each row to the next one, and return how many rows could be.
@@ -704,8 +733,8 @@ def predict_nonlinear(
             due = poll(k)
         # x(k+1|k), P(k+1|k), cov(x(k), x(k+1))
         if not predict(
-            model, weights, k + 1, inputs[k + 1], means[k], covariances[k], next_means[k],
-            next_covariances[k], work,
+            model, method.weights, method.extended, k + 1, inputs[k + 1], means[k], covariances[k],
+            next_means[k], next_covariances[k], work,
         ):  # fmt: skip
             return k
         for a in range(len(work.cross)):
@@ -857,7 +886,7 @@ class ExtendedKalmanFilter(NonlinearFilter):
 
     model: NonlinearModel
 
-    method = None
+    method = Method(None, extended=True)
 
     @property
     def functions(self) -> Functions:
@@ -944,7 +973,12 @@ class UnscentedKalmanFilter(NonlinearFilter):
         return self.model.functions_alone
 
     @cached_property
-    def method(self) -> Weights:
+    def method(self) -> Method:
+        """The weights of the sigma points, and no extended filter."""
+        return Method(self.weights, None)
+
+    @cached_property
+    def weights(self) -> Weights:
         """The weights of the sigma points."""
         n, alpha_squared = self.model.states, self.alpha**2
         square = alpha_squared * (n + self.kappa)

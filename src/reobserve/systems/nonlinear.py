@@ -410,4 +410,5 @@ class NonlinearModel:
         f, h = self._pointers["f"][0], self._pointers["h"][0]
         F, H = (jacobians.get(name) for name in "FH")
         scale = np.zeros(self.states) if self.scale is None else self.scale
-        return Functions(f, F, h, H, self.substeps, for_loop(scale))
+        numeric = [None if jacobian is not None else True for jacobian in (F, H)]
+        return Functions(f, F, h, H, self.substeps, for_loop(scale), *numeric)

@@ -25,8 +25,9 @@ class Functions(NamedTuple):
     """A nonlinear model as compiled loops read it.
 
     ``f``, ``F``, ``h`` and ``H`` are pointers to functions ``(x, u, out)``; a Jacobian that is None
-    is found by differences. ``substeps`` is the number of Runge-Kutta steps in a sampling period;
-    ``scale``, (n,), are typical sizes of the states, zero where they are not known.
+    is found by differences, where ``numeric_f`` or ``numeric_h`` is True and not None: numba leaves
+    out the branches of what is None. ``substeps`` is the number of Runge-Kutta steps in a sampling
+    period; ``scale``, (n,), are typical sizes of the states, zero where they are not known.
     """
 
     f: Any
@@ -35,6 +36,8 @@ class Functions(NamedTuple):
     H: Any
     substeps: int
     scale: Array
+    numeric_f: bool | None
+    numeric_h: bool | None
 
 
 class NonlinearRows(NamedTuple):
@@ -90,8 +93,9 @@ def new_flow_work(states: int, outputs: int) -> FlowWork:
 
 @inlined_kernel
 def jacobian(
-    function: Any, derivative: Any, x: Array, u: Array, flat: Array, work: FlowWork
-) -> None:
+    function: Any, derivative: Any, numeric: bool | None, x: Array, u: Array, flat: Array,
+    work: FlowWork,
+) -> None:  # fmt: skip
     """Write the Jacobian of a function, row by row: given, or by central differences.
 
     f'(x) = (8 (f(x+d) - f(x-d)) - (f(x+2d) - f(x-2d))) / (12 d) + O(d^4), with d between 1/1000 and
@@ -101,7 +105,13 @@ def jacobian(
     """
     if derivative is not None:
         call(derivative, (x, u, flat))
-        return
+    if numeric is not None:
+        differentiate(function, x, u, flat, work)
+
+
+@inlined_kernel
+def differentiate(function: Any, x: Array, u: Array, flat: Array, work: FlowWork) -> None:
+    """Write the Jacobian by central differences."""
     n = len(x)
     rows = len(flat) // n
     point = work.point
@@ -129,13 +139,15 @@ def jacobian(
 
 
 @inlined_kernel
-def write_sizes(derivative: Any, scale: Array, x: Array, covariance: Array, sizes: Array) -> None:
+def write_sizes(
+    numeric: bool | None, scale: Array, x: Array, covariance: Array, sizes: Array
+) -> None:
     """Write sizes of the states for `jacobian`, which do not depend on units.
 
     Where a typical size is not known the deviation of x is taken, and of one above 1 a part, so
     that after a vague start no function is called far from x.
     """
-    if derivative is not None:
+    if numeric is None:
         return
     for j in range(len(x)):
         sizes[j] = scale[j]
@@ -263,7 +275,7 @@ def move_and_derive(
     """
     if steps is None:
         # A = df/dx, x(k) = f(x(k-1), u(k-1))
-        jacobian(functions.f, functions.F, x, u, work.A_flat, work)
+        jacobian(functions.f, functions.F, functions.numeric_f, x, u, work.A_flat, work)
         call(functions.f, (x, u, out))
         return
     n, h = len(x), steps[min(k, len(steps) - 1)]
@@ -279,7 +291,10 @@ def move_and_derive(
             ahead = (0.0, 0.5 * h, 0.5 * h, h)[stage]
             weight = (1.0, 2.0, 2.0, 1.0)[stage]
             advance(out, work.sensitivity, ahead, slope, work.slopes, work.stage_point, work.stage)
-            jacobian(functions.f, functions.F, work.stage_point, u, work.A_flat, work)
+            jacobian(
+                functions.f, functions.F, functions.numeric_f, work.stage_point, u, work.A_flat,
+                work,
+            )  # fmt: skip
             call(functions.f, (work.stage_point, u, slope))
             multiply(work.A, work.stage, work.slopes)
             advance(total, work.totals, weight, slope, work.slopes, total, work.totals)

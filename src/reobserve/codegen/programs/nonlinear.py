@@ -181,7 +181,7 @@ class _SigmaPoints:
     """Points x, x + c L_i and x - c L_i, with L L' = P, and sums over what becomes of them."""
 
     def __init__(self, made: _Filter, observer: UnscentedKalmanFilter) -> None:
-        self.made, weights, n = made, observer.method, made.model.states
+        self.made, weights, n = made, observer.weights, made.model.states
         self.program, self.count = made.program, 2 * n + 1
         values = {"spread": weights.spread, "each": weights.each, "first": weights.first}
         self.spread, self.each, self.first = (
