@@ -73,7 +73,7 @@ class FixedGainObserver(LinearFilter):
 
         def __init__(
             self, model: LinearModel, *, gain: ArrayLike, gate: float | None = ...,
-            outliers: Literal["skip", "inflate"] = ...,
+            outliers: Literal["skip", "inflate"] = ..., noise_memory: None = ...,
         ) -> None: ...  # fmt: skip
 
     def __post_init__(self) -> None:

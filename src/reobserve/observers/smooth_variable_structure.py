@@ -96,6 +96,7 @@ class SmoothVariableStructureFilter(LinearFilter):
             inverse: str = ...,
             gate: float | None = ...,
             outliers: Literal["skip", "inflate"] = ...,
+            noise_memory: None = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
