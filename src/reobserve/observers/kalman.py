@@ -328,8 +328,8 @@ def spread_large(
 def add_product(left: Array, right: Array, out: Array, lower: bool) -> None:
     """Add L R to a matrix, or to its lower half: three rows and four terms at a time.
 
-    Each sum goes in the order of a plain loop, which has the same bits and is slower: it reads R
-    by columns.
+    Each sum goes in the order of a plain loop, so that the results are bitwise identical. That one
+    is slower, as it reads R by columns.
     """
     n = len(left)
     threes, fours = n - n % 3, n - n % 4

@@ -222,7 +222,7 @@ class Weights(NamedTuple):
     first: float
 
 
-class Method(NamedTuple):
+class Approximation(NamedTuple):
     """Weights of sigma points, or True for the extended filter, and None for the other one.
 
     numba leaves out branches of an argument that is None, but compiles those of one that is not.
@@ -643,7 +643,7 @@ def nonlinear_in_record(
 @kernel
 def run_nonlinear(
     model: NonlinearRows,
-    method: Method,
+    method: Approximation,
     measurements: Array,
     inputs: Array,
     fresh: bool,
@@ -720,7 +720,7 @@ def _run_rows(
 
 @kernel
 def predict_nonlinear(
-    model: NonlinearRows, method: Method, inputs: Array, means: Array, covariances: Array,
+    model: NonlinearRows, method: Approximation, inputs: Array, means: Array, covariances: Array,
     next_means: Array, next_covariances: Array, crosses: Array, work: FilterWork,
 ) -> int:  # fmt: skip
     """Predict from each row to the next one, and return how many rows could be.
@@ -886,7 +886,7 @@ class ExtendedKalmanFilter(NonlinearFilter):
 
     model: NonlinearModel
 
-    method = Method(None, extended=True)
+    method = Approximation(None, extended=True)
 
     @property
     def functions(self) -> Functions:
@@ -973,9 +973,9 @@ class UnscentedKalmanFilter(NonlinearFilter):
         return self.model.functions_alone
 
     @cached_property
-    def method(self) -> Method:
+    def method(self) -> Approximation:
         """The weights of the sigma points, and no extended filter."""
-        return Method(self.weights, None)
+        return Approximation(self.weights, None)
 
     @cached_property
     def weights(self) -> Weights:
