@@ -57,7 +57,7 @@ VAGUE = 1e12
 # hydraulic actuator's banks have: their longest study takes a third less time.
 UNROLLED = 5
 
-LARGE = 12  # states from which products in blocks are faster than plain ones: `benchmarks.kalman`
+LARGE = 12  # states from which loops along rows are faster: `benchmarks.large_models`
 
 HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 BEGUN = 20.0  # rows that the R of the model counts as, where it is estimated
