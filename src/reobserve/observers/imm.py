@@ -298,7 +298,7 @@ def predict_modes(
         predict(
             A[j], B[j], Q[j], controls[min(j, len(controls) - 1)], mixed.means[j],
             mixed.covariances[j], posteriors.means[j], posteriors.covariances[j], work.of_filter,
-            work.of_filter.transposed,
+            work.of_filter.panel,
         )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from reobserve.core.direct_call import call
 from reobserve.core.errors import InputError
 from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import FunctionPointer, inlined_kernel, kernel
+from reobserve.core.large_matrices import COLUMNS, mirror, multiply_rows, write_product
 from reobserve.core.loop_function import GuardedPointer
 from reobserve.observers.contract import OnDivergence
 from reobserve.observers.gaussian_filter import GaussianFilter
@@ -113,8 +114,8 @@ class LinearWork(NamedTuple):
     ``noise``, (m, m), is R as it is used at a row, ``outlier``, (m,), the innovations beyond the
     gate in deviations, ``change``, (m,), what the row says of the variances of R, and ``column``,
     (m,), a column. ``states`` and ``outputs`` have the lengths n and m: tuples up to `UNROLLED`,
-    whose lengths the compiler knows, and arrays beyond. ``transposed`` is A', (n, n), for the
-    products of models from `LARGE` on, and None for smaller ones.
+    whose lengths the compiler knows, and arrays beyond. ``panel``, (n, 8), is for
+    the products of models from `LARGE` on, and None for smaller ones.
     """
 
     square: Array
@@ -130,7 +131,7 @@ class LinearWork(NamedTuple):
     states: Any
     outputs: Any
     rules: Rules
-    transposed: Array | None
+    panel: Array | None
 
 
 def new_linear_work(states: int, outputs: int, rules: Rules | None = None) -> LinearWork:
@@ -144,8 +145,8 @@ def new_linear_work(states: int, outputs: int, rules: Rules | None = None) -> Li
     small = max(n, m) <= UNROLLED
     sizes = ((0,) * n, (0,) * m) if small else (np.empty(n), np.empty(m))
     plain = rules or Rules(np.zeros(n), np.zeros(m), math.inf, False, 0.0)
-    transposed = np.empty((n, n)) if n >= LARGE else None
-    return LinearWork(*blocks(shapes), *sizes, plain, transposed)  # type: ignore[call-arg, arg-type]
+    panel = np.empty((n, COLUMNS)) if n >= LARGE else None
+    return LinearWork(*blocks(shapes), *sizes, plain, panel)  # type: ignore[call-arg, arg-type]
 
 
 def blocks(shapes: Sequence[tuple[int, ...]]) -> Iterator[Array]:
@@ -268,11 +269,11 @@ def learn_noise(innovation: Array, weight: float, work: LinearWork) -> None:
 @inlined_kernel
 def predict(
     A: Array, B: Array, Q: Array, control: Array, mean: Array, covariance: Array,
-    next_mean: Array, next_covariance: Array, work: LinearWork, transposed: Array | None,
+    next_mean: Array, next_covariance: Array, work: LinearWork, panel: Array | None,
 ) -> None:  # fmt: skip
     """Time update, in which what is read and what is written may be the same arrays.
 
-    Gadsden et al. 2011, (1), (11) and (12). ``transposed`` is that of the scratch: numba leaves out
+    Gadsden et al. 2011, (1), (11) and (12). ``panel`` is that of the scratch: numba leaves out
     the loops of large models where an argument is None.
     """
     n = len(work.states)
@@ -288,7 +289,7 @@ def predict(
     # P = (A P) A' + Q
     for a in range(n):
         next_mean[a] = shortest(moved[a], work.rules.state_periods[a])
-    if transposed is None:
+    if panel is None:
         for a in range(n):
             for b in range(n):
                 total = 0.0
@@ -303,99 +304,11 @@ def predict(
                 next_covariance[a, b] = total
                 next_covariance[b, a] = total
     else:
-        spread_large(A, Q, covariance, next_covariance, square, transposed)
+        # A P, then Q + (A P) A'
+        write_product(A, covariance, False, None, square, False, panel)
+        write_product(square, A, True, Q, next_covariance, True, panel)
+        mirror(next_covariance)
     clip_variances(next_covariance, work)
-
-
-@kernel
-def spread_large(
-    A: Array, Q: Array, covariance: Array, next_covariance: Array, square: Array,
-    transposed: Array,
-) -> None:  # fmt: skip
-    """Write A P A' + Q, and A P to ``square``, by loops along rows."""
-    # A P
-    transpose(A, transposed, False)
-    for a in range(len(A)):
-        fill(square[a], 0.0)
-    add_product(A, covariance, square, False)
-    # P = Q + (A P) A'
-    assign_matrix(next_covariance, Q)
-    add_product(square, transposed, next_covariance, True)
-    transpose(next_covariance, next_covariance, True)
-
-
-@kernel
-def add_product(left: Array, right: Array, out: Array, lower: bool) -> None:
-    """Add L R to a matrix, or to its lower half: three rows and four terms at a time.
-
-    Each sum goes in the order of a plain loop, so that the results are bitwise identical. That one
-    is slower, as it reads R by columns.
-    """
-    n = len(left)
-    threes, fours = n - n % 3, n - n % 4
-    # out = (((out + L_0 R_0) + L_1 R_1) + L_2 R_2) + L_3 R_3 + ...
-    for a in range(0, threes, 3):
-        x, y, z = out[a], out[a + 1], out[a + 2]
-        for i in range(0, fours, 4):
-            x0, x1, x2, x3 = left[a, i], left[a, i + 1], left[a, i + 2], left[a, i + 3]
-            y0, y1, y2, y3 = (
-                left[a + 1, i],
-                left[a + 1, i + 1],
-                left[a + 1, i + 2],
-                left[a + 1, i + 3],
-            )
-            z0, z1, z2, z3 = (
-                left[a + 2, i],
-                left[a + 2, i + 1],
-                left[a + 2, i + 2],
-                left[a + 2, i + 3],
-            )
-            for b in range(a + 3 if lower else n):
-                r0, r1, r2, r3 = right[i, b], right[i + 1, b], right[i + 2, b], right[i + 3, b]
-                x[b] = (((x[b] + x0 * r0) + x1 * r1) + x2 * r2) + x3 * r3
-                y[b] = (((y[b] + y0 * r0) + y1 * r1) + y2 * r2) + y3 * r3
-                z[b] = (((z[b] + z0 * r0) + z1 * r1) + z2 * r2) + z3 * r3
-        for i in range(fours, n):
-            for b in range(a + 3 if lower else n):
-                x[b] += left[a, i] * right[i, b]
-                y[b] += left[a + 1, i] * right[i, b]
-                z[b] += left[a + 2, i] * right[i, b]
-    for a in range(threes, n):
-        for i in range(n):
-            for b in range(n):
-                out[a, b] += left[a, i] * right[i, b]
-
-
-@kernel
-def multiply_rows(left: Array, C: Array, out: Array) -> None:
-    """Write L C', four rows at a time, each sum in the order of a plain loop."""
-    n, fours = len(left), len(left) - len(left) % 4
-    for o in range(len(C)):
-        for a in range(0, fours, 4):
-            s0 = s1 = s2 = s3 = 0.0
-            for b in range(n):
-                s0 += left[a, b] * C[o, b]
-                s1 += left[a + 1, b] * C[o, b]
-                s2 += left[a + 2, b] * C[o, b]
-                s3 += left[a + 3, b] * C[o, b]
-            out[a, o], out[a + 1, o], out[a + 2, o], out[a + 3, o] = s0, s1, s2, s3
-        for a in range(fours, n):
-            out[a, o] = 0.0
-            for b in range(n):
-                out[a, o] += left[a, b] * C[o, b]
-
-
-@kernel
-def transpose(matrix: Array, out: Array, lower: bool) -> None:
-    """Write the transpose, or that of what is below the diagonal, eight rows at a time.
-
-    A column is as far apart in memory as a row is long.
-    """
-    n = len(matrix)
-    for a in range(0, n, 8):
-        for b in range(min(a + 8, n) if lower else n):
-            for i in range(max(a, b + 1) if lower else a, min(a + 8, n)):
-                out[b, i] = matrix[i, b]
 
 
 @inlined_kernel
@@ -478,7 +391,7 @@ def factor_innovation(innovation: Array, factor: Array, work: LinearWork) -> flo
 
 @inlined_kernel
 def log_likelihood_of(
-    C: Array, covariance: Array, innovation: Array, work: LinearWork, transposed: Array | None
+    C: Array, covariance: Array, innovation: Array, work: LinearWork, panel: Array | None
 ) -> float:
     """Write P C' and the Cholesky factor of S, and return the log-likelihood.
 
@@ -489,7 +402,7 @@ def log_likelihood_of(
     n, m = len(work.states), len(work.outputs)
     cross, factor = work.cross, work.factor
     # P C'
-    if transposed is None:
+    if panel is None:
         for a in range(n):
             for o in range(m):
                 total = 0.0
@@ -546,7 +459,7 @@ def correct_mean(mean: Array, innovation: Array, work: LinearWork) -> None:
 
 @inlined_kernel
 def correct_covariance(
-    C: Array, covariance: Array, work: LinearWork, transposed: Array | None
+    C: Array, covariance: Array, work: LinearWork, panel: Array | None
 ) -> None:
     """Correct the covariance in Joseph's form, which holds for any gain.
 
@@ -555,7 +468,7 @@ def correct_covariance(
     """
     cross, gain, square, R = work.cross, work.gain, work.square, work.noise
     n, m = len(work.states), len(work.outputs)
-    if transposed is None:
+    if panel is None:
         # T = M P = P - K (P C')'
         for a in range(n):
             for b in range(n):
@@ -608,7 +521,7 @@ def correct_large(
         for o in range(m):
             for b in range(a + 1):
                 covariance[a, b] -= cross[a, o] * gain[b, o]
-    transpose(covariance, covariance, True)
+    mirror(covariance)
 
 
 @inlined_kernel
@@ -652,7 +565,7 @@ def correct(
     # e = y - C x - D u, S = C P C' + R
     output_error(C, D, measurement, control, mean, innovation, work)
     noise_of_row(R, variances, work)
-    log_likelihood = log_likelihood_of(C, covariance, innovation, work, work.transposed)
+    log_likelihood = log_likelihood_of(C, covariance, innovation, work, work.panel)
     if work.rules.forgetting > 0.0:
         learn_noise(innovation, weight, work)
     # K = P C' S^-1, or another gain
@@ -662,7 +575,7 @@ def correct(
         call(function, (work.cross, work.factor, innovation, error, parameters, work.gain))
     # x = x + K e, P = (I - K C) P (I - K C)' + K R K'
     correct_mean(mean, innovation, work)
-    correct_covariance(C, covariance, work, work.transposed)
+    correct_covariance(C, covariance, work, work.panel)
     if below_zero(covariance, work):
         if is_vague(innovation, work):
             return math.nan
@@ -952,7 +865,7 @@ def _run_rows(
         if k > 0 or not fresh:
             predict(
                 A[min(k, len(A) - 1)], B[min(k, len(B) - 1)], Q[min(k, len(Q) - 1)],
-                inputs[r, k], mean, covariance, mean, covariance, work, work.transposed,
+                inputs[r, k], mean, covariance, mean, covariance, work, work.panel,
             )  # fmt: skip
         if kept is not None:
             keep_prediction(mean, covariance, kept, r, k)
@@ -999,7 +912,7 @@ def predict_linear(
         B, Q = model.B[min(k + 1, len(model.B) - 1)], model.Q[min(k + 1, len(model.Q) - 1)]
         predict(
             A, B, Q, inputs[k + 1], means[k], covariances[k], next_means[k], next_covariances[k],
-            work, work.transposed,
+            work, work.panel,
         )  # fmt: skip
         # cov(x(k), x(k+1)) = P A' = (A P)'
         total = 0.0

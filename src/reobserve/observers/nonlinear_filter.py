@@ -21,6 +21,7 @@ from reobserve.core.direct_call import call
 from reobserve.core.errors import InputError
 from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import inlined_kernel, kernel
+from reobserve.core.large_matrices import mirror, write_product
 from reobserve.core.matrices import as_positive, as_scalar
 from reobserve.core.value import for_loop
 from reobserve.observers.contract import OnDivergence
@@ -41,7 +42,6 @@ from reobserve.observers.kalman import (
     NEGATIVE,
     NO_INNOVATION,
     LinearWork,
-    add_product,
     assign,
     assign_matrix,
     below_zero,
@@ -63,7 +63,6 @@ from reobserve.observers.kalman import (
     new_linear_work,
     noise_of_row,
     shortest,
-    transpose,
     weight_of_row,
 )
 from reobserve.observers.run import Estimate, Run
@@ -144,14 +143,14 @@ def innovate(y: Array, expected: Array, innovation: Array, work: FilterWork) -> 
 @inlined_kernel
 def predict_extended(
     functions: Functions, steps: Any, k: int, Q: Array, u: Array, mean: Array, covariance: Array,
-    next_covariance: Array, work: FilterWork, transposed: Array | None,
+    next_covariance: Array, work: FilterWork, panel: Array | None,
 ) -> None:  # fmt: skip
     """Write f(x, u) to ``work.moved``, the covariance, and cov(x(k-1), x(k)) to ``work.cross``."""
     # x = f(x, u), A = df/dx
     write_sizes(functions.numeric_f, functions.scale, mean, covariance, work.flow.sizes)
     move_and_derive(functions, steps, k, mean, u, work.moved, work.flow)
     A, cross, n = work.flow.A, work.cross, len(work.linear.states)
-    if transposed is None:
+    if panel is None:
         # cov(x(k-1), x(k)) = P A'
         for a in range(n):
             for b in range(n):
@@ -169,14 +168,10 @@ def predict_extended(
                 next_covariance[b, a] = total
     else:
         # cov(x(k-1), x(k)) = P A'
-        transpose(A, transposed, False)
-        for a in range(n):
-            fill(cross[a], 0.0)
-        add_product(covariance, transposed, cross, False)
+        write_product(covariance, A, True, None, cross, False, panel)
         # P = Q + A (P A')
-        assign_matrix(next_covariance, Q)
-        add_product(A, cross, next_covariance, True)
-        transpose(next_covariance, next_covariance, True)
+        write_product(A, cross, False, Q, next_covariance, True, panel)
+        mirror(next_covariance)
 
 
 @inlined_kernel
@@ -198,7 +193,7 @@ def correct_extended(
     if not innovate(y, expected, innovation, work):
         return math.nan
     # S = C P C' + R
-    log_likelihood = log_likelihood_of(flow.C, covariance, innovation, linear, linear.transposed)
+    log_likelihood = log_likelihood_of(flow.C, covariance, innovation, linear, linear.panel)
     if linear.rules.forgetting > 0.0:
         learn_noise(innovation, weight, linear)
     # K = P C' S^-1
@@ -206,7 +201,7 @@ def correct_extended(
     # x = x + K e
     correct_mean(mean, innovation, linear)
     # P = (I - K C) P (I - K C)' + K R K'
-    correct_covariance(flow.C, covariance, linear, linear.transposed)
+    correct_covariance(flow.C, covariance, linear, linear.panel)
     return log_likelihood
 
 
@@ -493,7 +488,7 @@ def predict(
         if extended is not None:
             predict_extended(
                 functions, steps, k, noise, u, mean, covariance, next_covariance, work,
-                work.linear.transposed,
+                work.linear.panel,
             )  # fmt: skip
         if weights is not None and not predict_unscented(
             functions, weights, steps, k, noise, u, mean, covariance, next_covariance, work
