@@ -41,6 +41,9 @@ def run(quick: bool) -> Section:
         peer = "filterpy KF" if what == "run" else f"filterpy {what}"
         times, peers = ([one[name] for one in calls] for name in (what, peer))
         section.rows.append(Row(label, median(times), "filterpy", median(peers)))
+        if what == "KF" and "JAX" in calls[0]:
+            jitted = median(one["JAX"] for one in calls)
+            section.rows.append(Row(label, median(times), "JAX", jitted))
         section.notes.append(_in_figures(label, times, aim * 1e-6))
     section.notes.append("filterpy: one call of predict and one of update")
     return section

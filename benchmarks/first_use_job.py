@@ -41,6 +41,7 @@ def later_calls() -> dict[str, float]:
     from filterpy import kalman as theirs
 
     import reobserve
+    from benchmarks.jax_peer import INSTALLED, one_call
     from benchmarks.kalman_problem import linear_model, our_filter, ring, ring_jacobian
     from benchmarks.timing import medians
 
@@ -96,9 +97,16 @@ def later_calls() -> dict[str, float]:
     }
     jobs |= {f"filterpy {kind}": partial(of_peer, kind) for kind in peers}
     jobs |= {"filterpy EKF": of_extended, "filterpy UKF": of_unscented}
+    if INSTALLED:
+        jobs["JAX"] = partial(_repeated, one_call(model))
     times = medians(jobs, _ROUNDS, time.process_time)
     counts = dict.fromkeys(times, _CALLS) | {"filterpy UKF": _CALLS // 5}
     return {name: time_ / counts[name] for name, time_ in times.items()}
+
+
+def _repeated(call: Callable[[], None]) -> None:
+    for _ in range(_CALLS):
+        call()
 
 
 def main(what: str) -> None:

@@ -1,4 +1,4 @@
-"""Kalman filters of many states against numpy, which multiplies by BLAS, and filterpy."""
+"""Kalman filters of many states against numpy, which multiplies by BLAS, filterpy and JAX."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.jax_peer import INSTALLED, by_jax
 from benchmarks.kalman_problem import linear_model, records
 from benchmarks.report import Check, Row, Section
 from benchmarks.timing import medians
@@ -41,12 +42,14 @@ def run(quick: bool) -> Section:
             "filterpy": partial(by_filterpy, model, y, u),
             "IMM of two": partial(by_us, bank, many, y, u),
         }
+        if INSTALLED:
+            jobs["JAX"] = by_jax(model, y, u)
         expected = jobs["ours"]()
         for peer, job in jobs.items():
             difference = float(np.max(np.abs(expected - job())))
             section.checks.append(Check(f"n = {n}, {peer}", difference, 1e-8))
         times = medians(jobs, 2 if quick else _ROUNDS, time.process_time)
-        for peer in ("plain loops", "numpy", "filterpy"):
+        for peer in (name for name in jobs if name not in ("ours", "IMM of two")):
             section.rows.append(Row(f"KF, n = {n}", times["ours"] / rows, peer, times[peer] / rows))
         bank_time = times["IMM of two"] / rows
         section.rows.append(Row(f"IMM of two, n = {n}", bank_time, "one KF", times["ours"] / rows))
