@@ -72,7 +72,7 @@ class AugmentedKalmanFilter(LinearFilter):
     fault_matrix
         E, shape (n, q): what each unknown input adds to the state in a sampling period.
     random_walk
-        W, the covariance of what an unknown input gains a sample: a number, q numbers or (q, q).
+        W, the covariance that the unknown inputs gain in a second: a number, q numbers or (q, q).
     output_fault_matrix
         F, shape (m, q): what it adds to the measurement, zero if left out.
     unknown_input_names
@@ -184,14 +184,14 @@ class AugmentedKalmanFilter(LinearFilter):
         return "; for other times give from_ode the matrices of [x, d], for a Kalman filter"
 
     def _given(self, given: Mapping[str, Any], rows: int) -> dict[str, Any]:
-        n, q = self.fault_matrix.shape
+        (n, q), T = self.fault_matrix.shape, self.sampling_period
         zeros, matrices = np.zeros, dict(given)
-        # [A E; 0 I], [B; 0], [C F], diag(Q, W), [S; 0]
+        # [A E; 0 I], [B; 0], [C F], diag(Q, T W), [S; 0]
         for name, right, below in (
             ("A", self.fault_matrix, np.hstack([zeros((q, n)), np.eye(q)])),
             ("B", None, zeros((q, self.model.inputs))),
             ("C", self.output_fault_matrix, None),
-            ("Q", zeros((n, q)), np.hstack([zeros((q, n)), self.random_walk])),
+            ("Q", zeros((n, q)), np.hstack([zeros((q, n)), T * self.random_walk])),
             ("S", None, zeros((q, self.model.outputs))),
         ):
             if name not in given:

@@ -62,7 +62,7 @@ class GridFilter(IMM):
     >>> import numpy as np
     >>> from reobserve import GridFilter, LinearModel
     >>> plant = LinearModel.from_ode([[-1]], [[1]], [[1]], Q=1e-6, R=1e-4, sampling_period=0.1)
-    >>> grid = GridFilter.of_delay(plant, delays=np.arange(0, 1, 0.1), random_walk=0.01)
+    >>> grid = GridFilter.of_delay(plant, delays=np.arange(0, 1, 0.1), random_walk=1e-4)
     >>> u = np.sign(np.sin(np.arange(100)))
     >>> x = np.zeros(100)
     >>> for k in range(99):
@@ -114,7 +114,7 @@ class GridFilter(IMM):
         grid
             Values of the parameter, rising, two or more.
         random_walk
-            The standard deviation of what it gains in a second, by steps to neighbours on the grid.
+            The variance that it gains in a second, by steps to neighbours on the grid.
         jump_rate
             Jumps a second to any other value.
         rates, switch_rate
@@ -262,7 +262,7 @@ def node_chain(
     """The probabilities p_ij of moves between nodes in a period, shape (r, r).
 
     Without rates those of a Markov chain in continuous time: it steps to neighbours at such rates
-    that it has no drift and the variance ``random_walk``^2 a second, reflected at the ends, and to
+    that it has no drift and the variance ``random_walk`` a second, reflected at the ends, and to
     each other node at ``jump_rate`` / (r - 1). With rates a node is a value and a rate, in this
     order; the rate switches, the value steps as before and moves by the new rate, up to the ends,
     and jumps go to any node.
@@ -303,11 +303,11 @@ def _walk(grid: Array, random_walk: float, jump_rate: float, period: float) -> A
     for i in range(r):
         below = steps[i - 1] if i else steps[0]
         above = steps[i] if i < r - 1 else steps[-1]
-        # Rates a and b with a above = b below and a above^2 + b below^2 = walk^2
+        # Rates a and b with a above = b below and a above^2 + b below^2 = walk
         if i < r - 1:
-            rates[i, i + 1] += np.float64(random_walk) ** 2 / (above * (above + below))
+            rates[i, i + 1] += np.float64(random_walk) / (above * (above + below))
         if i:
-            rates[i, i - 1] += np.float64(random_walk) ** 2 / (below * (above + below))
+            rates[i, i - 1] += np.float64(random_walk) / (below * (above + below))
     np.fill_diagonal(rates, 0.0)
     np.fill_diagonal(rates, -rates.sum(axis=1))
     chain = np.maximum(expm(period * rates), 0.0)

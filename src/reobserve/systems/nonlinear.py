@@ -307,8 +307,8 @@ class NonlinearModel:
         Parameters
         ----------
         random_walk
-            The variance of n by the name of a parameter: what it gains in a sampling period. With
-            zero it is constant, and its estimate comes to rest.
+            By the name of a parameter the variance that it gains in a second: n has that times the
+            sampling period. With zero it is constant, and its estimate comes to rest.
 
         Raises
         ------

@@ -57,10 +57,10 @@ def with_parameter_states(
         sizes = [abs(known[name]) or 1.0 for name in walks]
         options["scale"] = np.concatenate([model.scale, sizes])
     Q = np.zeros((n + q, n + q))
-    Q[:n, :n], Q[n:, n:] = model.Q, np.diag(list(walks.values()))
+    walk = np.diag(list(walks.values()))
+    Q[:n, :n], Q[n:, n:] = model.Q, model.sampling_period * walk
     if model.density is not None:
-        options["density"] = Q / model.sampling_period
-        options["density"][:n, :n] = model.density
+        options["density"] = np.block([[model.density, Q[:n, n:]], [Q[n:, :n], walk]])
     if texts:
         still = ["0*" + name if model.substeps else name for name in walks]
         return NonlinearModel((*model.f, *still), model.h, Q, model.R, **options)

@@ -110,7 +110,7 @@ def delay_grid(columns: Columns) -> Run[Any]:
     model = ro.LinearModel.from_ode(
         [[-1.0]], [[1.0]], [[1.0]], Q=1e-8, R=1e-6, sampling_period=PERIOD
     )
-    grid = ro.GridFilter.of_delay(model, delays=np.arange(11) / 10, random_walk=0.05)
+    grid = ro.GridFilter.of_delay(model, delays=np.arange(11) / 10, random_walk=0.0025)
     y, u = read(columns, "%", "1", "level"), read(columns, "%", "1", "valve")
     return grid.run(y, u, state=grid.init([0.0], 1.0))
 
@@ -163,14 +163,14 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     "kalman": motor(lambda: ro.KalmanFilter(motor_model())),
     "augmented-kalman": motor(
         lambda: ro.AugmentedKalmanFilter(
-            motor_model(), fault_matrix=motor_model().B, random_walk=1e-3
+            motor_model(), fault_matrix=motor_model().B, random_walk=0.1
         )
     ),
     "augmented-kalman-bias": motor(
         lambda: ro.AugmentedKalmanFilter(
             motor_model(),
             fault_matrix=[[0.0], [0.0]],
-            random_walk=1e-4,
+            random_walk=0.01,
             output_fault_matrix=[[1.0], [0.0]],
         )
     ),

@@ -78,7 +78,7 @@ def test_sensor_bias_is_identified_by_the_second_sensor() -> None:
 def test_augmented_filter_agrees_with_filterpy() -> None:
     u, force = inputs(200)
     y = moved(u, force)[:, :1] + 0.01 * ripple(200)
-    observer = AugmentedKalmanFilter(mass(), fault_matrix=FORCE, random_walk=1e-3)
+    observer = AugmentedKalmanFilter(mass(), fault_matrix=FORCE, random_walk=1e-2)
     run = observer.run(
         y,
         u,
@@ -87,7 +87,7 @@ def test_augmented_filter_agrees_with_filterpy() -> None:
     peer = FilterpyKalmanFilter(3, 1, 1)
     peer.F = np.block([[HELD[0], FORCE], [np.zeros((1, 2)), np.eye(1)]])
     peer.B, peer.H = np.vstack([HELD[1], [[0.0]]]), np.array([[1.0, 0.0, 0.0]])
-    peer.Q, peer.R = np.diag([1e-8, 1e-8, 1e-3]), np.array([[1e-4]])
+    peer.Q, peer.R = np.diag([1e-8, 1e-8, PERIOD * 1e-2]), np.array([[1e-4]])
     peer.x, peer.P = np.array([[0.1], [0.2], [0.4]]), np.diag([0.5, 0.5, 2.0])
     found = []
     for k in range(200):
@@ -156,19 +156,19 @@ def test_invalid_initial_states_are_refused(changed: dict[str, Any], said: str) 
 def test_time_varying_noise_agrees_with_the_augmented_kalman_filter() -> None:
     u, force = inputs(80)
     y = moved(u, force)[:, :1] + 0.01 * np.random.default_rng(3).standard_normal((80, 1))
-    observer = AugmentedKalmanFilter(mass(), fault_matrix=FORCE, random_walk=1e-3)
+    observer = AugmentedKalmanFilter(mass(), fault_matrix=FORCE, random_walk=1e-2)
     zero, one = np.zeros((1, 2)), np.eye(1)
     whole = KalmanFilter(
         LinearModel(
             np.block([[HELD[0], FORCE], [zero, one]]), np.vstack([HELD[1], [[0.0]]]),
-            np.hstack([POSITION, [[0.0]]]), Q=np.diag([1e-8, 1e-8, 1e-3]), R=1e-4,
+            np.hstack([POSITION, [[0.0]]]), Q=np.diag([1e-8, 1e-8, PERIOD * 1e-2]), R=1e-4,
             sampling_period=PERIOD, check=False,
         )
     )  # fmt: skip
     scale = 1 + np.arange(80) % 7
     Q, R = 1e-6 * scale[:, None, None] * np.eye(2), 1e-4 * scale[::-1, None, None] * np.eye(1)
     wide = np.zeros((80, 3, 3))
-    wide[:, :2, :2], wide[:, 2, 2] = Q, 1e-3
+    wide[:, :2, :2], wide[:, 2, 2] = Q, PERIOD * 1e-2
     start = observer.init([0.3, 0.0], 1e-2)
     run = observer.run(y, u, state=start, Q=Q, R=R)
     other = whole.run(y, u, state=start, Q=wide, R=R)

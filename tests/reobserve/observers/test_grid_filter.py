@@ -53,7 +53,7 @@ def test_constant_parameter_has_the_posterior_of_bayes() -> None:
 
 def test_chain_of_the_nodes_has_the_motion_that_is_stated() -> None:
     nodes = np.array([0.0, 0.1, 0.25, 0.3, 0.5, 0.6, 0.7])
-    chain = node_chain(nodes, 0.05, 0.0, 0.01)
+    chain = node_chain(nodes, 0.05**2, 0.0, 0.01)
     assert np.allclose(chain.sum(axis=1), 1.0)
     moved = chain @ nodes - nodes
     spread = chain @ nodes**2 - (chain @ nodes) ** 2
@@ -71,7 +71,7 @@ def test_chain_of_the_nodes_has_the_motion_that_is_stated() -> None:
 def test_chain_with_rates_moves_values_by_them() -> None:
     """Rows are (value, rate): means, switches and jumps in closed form; ends hold."""
     nodes, rates, T = np.linspace(0.0, 1.0, 11), np.array([-0.3, 0.0, 0.5]), 0.1
-    chain = node_chain(nodes, 0.2, 0.0, T, rates, 0.4)
+    chain = node_chain(nodes, 0.2**2, 0.0, T, rates, 0.4)
     assert np.allclose(chain.sum(axis=1), 1.0, rtol=1e-12)
     value, rate = (each.ravel() for each in np.meshgrid(nodes, rates, indexing="ij"))
     leave = -np.expm1(-0.4 * T)
@@ -81,7 +81,7 @@ def test_chain_with_rates_moves_values_by_them() -> None:
     np.testing.assert_allclose(chain @ rate, ahead, atol=1e-12)
     # What lies between two nodes is shared by both: f (1 - f) h^2 beside the random walk.
     (still,) = np.flatnonzero((value == nodes[5]) & (rate == 0.5))
-    alone = node_chain(nodes, 0.2, 0.0, T, [0.5])[5]
+    alone = node_chain(nodes, 0.2**2, 0.0, T, [0.5])[5]
     assert alone @ nodes**2 - (alone @ nodes) ** 2 == pytest.approx(
         0.2**2 * T + 0.5 * T * (0.1 - 0.5 * T), rel=1e-4
     )
@@ -114,7 +114,7 @@ def test_rates_follow_a_ramp_with_a_third_of_the_lag() -> None:
         return LinearModel([[0.5]], [[value]], [[1]], Q=1e-8, R=0.01, sampling_period=T)
 
     errors = []
-    for walk, rates in ((0.02, [0.0]), (0.002, [-0.025, 0.0, 0.025])):
+    for walk, rates in ((4e-4, [0.0]), (4e-6, [-0.025, 0.0, 0.025])):
         grid = GridFilter.of_parameter(
             make,
             grid=np.linspace(0, 2.5, 51),
@@ -134,7 +134,7 @@ def test_rates_follow_a_ramp_with_a_third_of_the_lag() -> None:
 def test_delay_of_whole_periods_is_a_buffer_of_inputs_in_the_state() -> None:
     y, u = record()
     delays = [0.0, 0.1, 0.3]
-    grid = GridFilter.of_delay(plant(1.3), delays=delays, random_walk=0.2, jump_rate=0.1)
+    grid = GridFilter.of_delay(plant(1.3), delays=delays, random_walk=0.04, jump_rate=0.1)
     start = grid.init([0.1, 0], 0.01)
     run = grid.run(y, u, state=start)
     one, filters = plant(1.3), []
@@ -235,7 +235,7 @@ def test_grids_and_models_that_cannot_be_used_are_refused() -> None:
     for late in ([0], [0, -1], [0.0, 0.5], 3):
         with pytest.raises(InputError, match=r"periods_late: .* must be 2 whole numbers from 0"):
             GridFilter(grid.filters, grid.transition, grid=grid.grid, periods_late=late)  # type: ignore[arg-type]
-    moving = GridFilter.of_parameter(plant, grid=[1.0, 2.0], random_walk=0.1)
+    moving = GridFilter.of_parameter(plant, grid=[1.0, 2.0], random_walk=0.01)
     with pytest.raises(InputError, match="must go on by the sampling period"):
         moving.run([0.0, 0.0], [0, 0], state=moving.init([0, 0], 1.0), time=[0.0, 0.5])
     after = grid.run([0.0, 1.0], [0.0, 0.0], state=grid.init([0], 1.0)).state

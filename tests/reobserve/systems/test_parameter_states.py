@@ -101,7 +101,7 @@ def test_density_and_periods_are_kept() -> None:
         output_periods=[6.28],
     ).with_parameter_states({"k": 1e-3})  # fmt: skip
     assert model.density is not None
-    np.testing.assert_allclose(model.density.diagonal(), [1e-6, 1e-4, 2e-3])
+    np.testing.assert_allclose(model.density.diagonal(), [1e-6, 1e-4, 1e-3])
     assert model.state_periods is not None
     assert model.state_periods.tolist() == [6.28, 0, 0]
 

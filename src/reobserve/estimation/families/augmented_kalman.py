@@ -39,7 +39,7 @@ B: [[0], [1]]
 C: [[1, 0], [0, 1]]
 fault_matrix: [[0, 0], [1, 0]]          # how unknown inputs enter the states, as B
 output_fault_matrix: [[0, 0], [0, 1]]   # and how the measurements, as D; zero if left out
-random_walk: [1.0e-5, 1.0e-7]           # variances of their random walks per sample
+random_walk: [1.0e-3, 1.0e-5]           # variances that they gain in a second
 Q: [1.0e-8, 1.0e-6]         # variances of the process noise per sample
 R: [1.0e-6, 1.0e-4]         # of the noise of a measurement
 initial_state: [0.3, 0]
@@ -90,7 +90,7 @@ class AugmentedKalmanDesign(FilterDesign):
             "\nobserver:\n  kind: augmented-kalman\n" + MOTOR + NOISE
             + "  unknown_inputs: {voltage_lost: V}\n"
             "  fault_matrix: [[0.0], [20.0]]   # how it enters the states, as B\n"
-            "  random_walk: 1.0e-3        # variance of its random walk per sample [V^2]\n",
+            "  random_walk: 0.1           # variance that it gains in a second [V^2/s]\n",
             "  - {name: weak, of: voltage_lost, beyond: 1.0}\n",
         ),
         "augmented-kalman-bias": Example(
@@ -100,7 +100,7 @@ class AugmentedKalmanDesign(FilterDesign):
             + "  unknown_inputs: {speed_offset: rad/s}\n"
             "  fault_matrix: [[0.0], [0.0]]    # it does not enter the states,\n"
             "  output_fault_matrix: [[1.0], [0.0]] # but adds to the first measurement\n"
-            "  random_walk: 1.0e-4        # variance of its random walk per sample [(rad/s)^2]\n",
+            "  random_walk: 0.01          # variance that it gains in a second [(rad/s)^2/s]\n",
             "  - {name: biased, of: speed_offset, beyond: 0.5}\n",
         ),
     }  # fmt: skip

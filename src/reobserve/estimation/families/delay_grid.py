@@ -32,7 +32,7 @@ A: [[-1]]
 B: [[1]]
 C: [[1]]
 delays: [0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3]    # [s], among which the estimate moves
-random_walk: 0.05           # what the delay gains in a second [s per sqrt(s)]
+random_walk: 0.0025         # variance that the delay gains in a second [s^2/s]
 jump_rate: 0.1              # jumps a second to any other delay
 Q: 1.0e-8                   # variance of the process noise per sample
 R: 1.0e-6                   # of the noise of a measurement
@@ -81,7 +81,7 @@ class DelayGridDesign(FilterDesign):
             "  B: [[1.0]]\n"
             "  C: [[1.0]]\n"
             "  delays: [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]   # [s]\n"
-            "  random_walk: 0.05          # what the delay gains in a second [s per sqrt(s)]\n"
+            "  random_walk: 0.0025        # variance that the delay gains in a second [s^2/s]\n"
             "  Q: 1.0e-8                  # variance of the process noise per sample\n"
             "  R: 1.0e-6                  # of the measurement\n"
             "  initial_state: [0.0]\n"

@@ -75,7 +75,7 @@ def check_texts(system: Any) -> None:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParameterState:
-    """A parameter that is estimated: its variance at the start, and what it gains in a sample."""
+    """A parameter that is estimated: its variance at the start, and what that gains in a second."""
 
     initial_variance: Positive
     random_walk: NotNegative = 0.0

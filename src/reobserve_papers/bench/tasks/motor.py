@@ -210,7 +210,7 @@ def _augmented_filter(
 ) -> AugmentedKalmanFilter:
     A, B = zero_order_hold(plant.motor.A, plant.motor.B, period)
     Q = np.square(s["process"] * DD @ plant.disturbance) * period
-    walk = np.square([s["actuator"], s["sensor"]]) * period
+    walk = np.square([s["actuator"], s["sensor"]])
     model = LinearModel(A, B, np.eye(2), None, Q=Q, R=noise**2, sampling_period=period)
     return AugmentedKalmanFilter(
         model,

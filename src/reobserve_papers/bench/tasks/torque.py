@@ -184,10 +184,10 @@ def _augmented(plant: Plant, s: Settings, period: float, noise: float) -> Augmen
         np.eye(3), None, np.eye(3), None, Q=s["process"] ** 2 * period, R=noise**2,
         sampling_period=period,
     )  # fmt: skip
-    walk = s["walk"] ** 2 * period
     return AugmentedKalmanFilter(
-        model, fault_matrix=period * J_inverse, random_walk=walk, noise_memory=s.get("memory")
-    )
+        model, fault_matrix=period * J_inverse, random_walk=s["walk"] ** 2,
+        noise_memory=s.get("memory"),
+    )  # fmt: skip
 
 
 def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
