@@ -1,7 +1,7 @@
 """State files: all that estimation remembers between two rows, so that a stream can resume.
 
 A file has the digest of its content: one that was damaged or edited is refused, and nothing of it
-is used.
+is used. It says nothing of who wrote it, so the observer checks its own state.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from reobserve.core.validation import parse
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimation
 
-SCHEMA = 11
+_SCHEMA = 12  # of state files
 _VALUES = 5_000_000
 _OF_CLOCK = ("grid", "held_time", "held_values", "early_time", "early_values")
 _OF_GAPS = ("last", "started", "in_gap")
@@ -40,7 +40,6 @@ def save_state(
     gaps, values, clock = estimation.gaps, estimation.interpolation, estimation.timestamps
     tree = {
         "format": "reobserve estimate state",
-        "schema": SCHEMA,
         "specification": digest,
         "offset": offset,
         "line": digest_of(line) if line else "",
@@ -75,17 +74,14 @@ def _load(tree: Any, estimation: Estimation, digest: str) -> tuple[int | None, s
     if whole.pop("digest", None) != _content(whole):
         raise InputError("digest", "is not that of the content, which was damaged or edited")
     saved = _decoded(whole)
-    if saved["schema"] != SCHEMA:
-        problem = f"{saved['schema']} must be {SCHEMA}: another version wrote it; remove the file"
-        raise InputError("schema", f"{problem} to restart")
-    if saved["specification"] != digest:
+    if saved.get("specification") != digest:
         raise InputError(
             "specification",
-            "is another one than that of this stream, or a file that it names has changed; remove "
-            "the file to restart",
+            "is another one than that of this stream, a file that it names has changed, or another "
+            "version wrote this; remove the file to restart",
         )
-    clock = estimation.timestamps
-    estimation.state = _like(estimation.template, saved["observer"])
+    clock, state = estimation.timestamps, _like(estimation.template, saved["observer"])
+    estimation.state = None if state is None else estimation.observer._checked(state)
     clock.begun[:] = saved["timestamps"]["begun"]
     for name in _OF_CLOCK:
         setattr(clock, name, saved["timestamps"][name])
@@ -96,9 +92,9 @@ def _load(tree: Any, estimation: Estimation, digest: str) -> tuple[int | None, s
 
 
 def identity(specification: Path, files: Iterable[Path]) -> str:
-    """The content of a specification, and of the files it names, which tells it from others."""
+    """The content of a specification and of the files it names, and the form of state files."""
     digests = [digest_of(read_text(path)) for path in files]
-    return digest_of("".join([read_text(specification), *digests]))
+    return digest_of("".join([str(_SCHEMA), read_text(specification), *digests]))
 
 
 def digest_of(text: str) -> str:
