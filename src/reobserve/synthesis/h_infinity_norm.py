@@ -1,10 +1,10 @@
 """The H-infinity norm of a linear system, between two bounds that are proved.
 
-Boyd, Balakrishnan & Kabamba (1989): G(s) = C (s I - A)^-1 B + D with a stable A has a norm below
-one if and only if ||D|| < 1 and the Hamiltonian matrix
+Boyd, Balakrishnan & Kabamba (1989): G(s) = C (s I - A)^-1 B with a stable A has a norm below one
+if and only if the Hamiltonian matrix
 
-    H = [ F                          B R^-1 B^T ]       R = I - D^T D
-        [ -C^T (I + D R^-1 D^T) C    -F^T       ],      F = A + B R^-1 D^T C,
+    H = [ A         B B^T ]
+        [ -C^T C    -A^T  ]
 
 has no eigenvalue on the imaginary axis; an eigenvalue j w there says that one is a singular value
 of G(j w). For any other bound gamma, G / gamma stands for G. Bruinsma & Steinbuch (1990) raise a
@@ -31,22 +31,19 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.errors import InputError
 from reobserve.core.extras import package
 from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_rows
-from reobserve.synthesis.definiteness import ball_matrix, prove_negative_definite
+from reobserve.synthesis.definiteness import ball_matrix
 
 if TYPE_CHECKING:
     from flint import acb, acb_mat, arb, arb_mat
 
 _PRECISIONS = (128, 256, 512, 1024)  # bits of the eigenvalues; all else has twice as many
 _FINEST = 1e-14  # tolerance, well above what rounding a bound to a float costs
-_NOTHING = 2.0**-200  # of |D| + |C| |E^-1 B|, the largest entries: the bound of a G of zero
+_NOTHING = 2.0**-200  # of |C| |E^-1 B|, the largest entries: the bound of a G of zero
 
 
 @dataclass(frozen=True)
 class Norm:
-    """Bounds ``lower`` <= norm <= ``upper``, with the gain ``lower`` at ``frequency`` [rad/s].
-
-    The frequency is infinite if the gain rises towards that of D.
-    """
+    """Bounds ``lower`` <= norm <= ``upper``, with the gain ``lower`` at ``frequency`` [rad/s]."""
 
     lower: float
     upper: float
@@ -57,18 +54,16 @@ class _System(NamedTuple):
     A: arb_mat
     B: arb_mat
     C: arb_mat
-    D: arb_mat
 
 
 def h_infinity_norm(
     A: ArrayLike,
     B: ArrayLike,
     C: ArrayLike,
-    D: ArrayLike | None = None,
     E: ArrayLike | None = None,
     tolerance: float = 1e-12,
 ) -> Norm:
-    """The largest singular value of C (j w E - A)^-1 B + D over all frequencies w.
+    """The largest singular value of C (j w E - A)^-1 B over all frequencies w.
 
     Parameters
     ----------
@@ -78,13 +73,11 @@ def h_infinity_norm(
         Input, shape (n, inputs).
     C
         Output, shape (outputs, n).
-    D
-        Feedthrough, shape (outputs, inputs); zero if left out.
     E
         A number (times the identity), a diagonal or shape (n, n); the identity if left out.
     tolerance
         The most by which the upper bound may exceed the lower one, as a part of it. If no gain is
-        above zero, the upper bound is at most 1e-60 times what the entries of B, C and D suggest.
+        above zero, the upper bound is at most 1e-60 times what the entries of B and C suggest.
 
     Raises
     ------
@@ -92,12 +85,12 @@ def h_infinity_norm(
         If a shape does not fit, E has no inverse, an eigenvalue of s E - A is not left of the
         imaginary axis or so close that 1024 bits cannot tell, or the tolerance is too fine.
     """
-    model, descriptor = _checked(A, B, C, D, E)
+    model, descriptor = _checked(A, B, C, E)
     tolerance = as_positive("tolerance", tolerance)
     if tolerance < _FINEST:
         raise InputError("tolerance", f"{tolerance:g} must be {_FINEST:g} or more")
     ctx = package("flint", "bound the H-infinity norm").ctx
-    no_path = not (model[3].any() or (model[1].any() and model[2].any()))
+    no_path = not (model[1].any() and model[2].any())
     problem = InputError("E", "must have an inverse")
     for bits in _PRECISIONS:
         with ctx.workprec(2 * bits):
@@ -126,34 +119,32 @@ def h_infinity_norm(
 
 
 def _checked(
-    A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike | None, E: ArrayLike | None
+    A: ArrayLike, B: ArrayLike, C: ArrayLike, E: ArrayLike | None
 ) -> tuple[list[Matrix], Matrix]:
-    """(A, B, C, D) and E, of shapes that fit."""
-    a, b, c = as_rows("A", A), as_rows("B", B), as_rows("C", C)
-    states, inputs, outputs = len(a), b.shape[1], len(c)
-    d = np.zeros((outputs, inputs)) if D is None else as_rows("D", D)
-    model = [a, b, c, d]
-    shapes = [(states, states), (states, inputs), (outputs, states), (outputs, inputs)]
-    for name, matrix, shape in zip("ABCD", model, shapes, strict=True):
+    """(A, B, C) and E, of shapes that fit."""
+    model = [as_rows("A", A), as_rows("B", B), as_rows("C", C)]
+    states, inputs, outputs = len(model[0]), model[1].shape[1], len(model[2])
+    shapes = [(states, states), (states, inputs), (outputs, states)]
+    for name, matrix, shape in zip("ABC", model, shapes, strict=True):
         if matrix.shape != shape or matrix.size == 0:
             raise InputError(name, f"has shape {matrix.shape}, must be {shape} and not empty")
     return model, as_matrix("E", 1.0 if E is None else E, states)
 
 
 def _without_descriptor(model: list[Matrix], descriptor: Matrix) -> _System:
-    """The balls of E^-1 A, E^-1 B, C and D, not finite if E is not proved to have an inverse."""
-    A, B, C, D = (ball_matrix(matrix) for matrix in model)
+    """The balls of E^-1 A, E^-1 B and C, not finite if E is not proved to have an inverse."""
+    A, B, C = (ball_matrix(matrix) for matrix in model)
     E = ball_matrix(descriptor)
-    return _System(E.solve(A, nonstop=True), E.solve(B, nonstop=True), C, D)
+    return _System(E.solve(A, nonstop=True), E.solve(B, nonstop=True), C)
 
 
 def _search(system: _System, poles: list[acb], tolerance: float, bits: int) -> Norm | None:
     """Bruinsma and Steinbuch's two steps in turn, or none if the balls are too wide for it."""
     from flint import arb
 
-    B, C, D = (float(np.abs(_middle(matrix)).max()) for matrix in system[1:])
-    nothing = max(_NOTHING * (D + C * B), float_info.min)
-    frequencies = [arb(0), *(pole.mid().abs_upper() for pole in poles), arb.pos_inf()]
+    B, C = (float(np.abs(_middle(matrix)).max()) for matrix in system[1:])
+    nothing = max(_NOTHING * (C * B), float_info.min)
+    frequencies = [arb(0), *(pole.mid().abs_upper() for pole in poles)]
     gamma = -1.0
     while frequencies:
         gains = [_gain(system, frequency) for frequency in frequencies]
@@ -165,10 +156,7 @@ def _search(system: _System, poles: list[acb], tolerance: float, bits: int) -> N
         if not isfinite(gamma):
             raise InputError("C", "must keep the norm inside the float range")
         root = arb(gamma).sqrt()
-        scaled = _System(system.A, system.B / root, system.C / root, system.D / gamma)
-        if not prove_negative_definite(scaled.D.transpose() * scaled.D - 1).proved:
-            return None
-        crossings = _crossings(scaled, bits)
+        crossings = _crossings(_System(system.A, system.B / root, system.C / root), bits)
         if not crossings:
             return Norm(lower, gamma, float(best))
         frequencies = [((low + high) / 2).mid() for low, high in pairwise(crossings)]
@@ -179,17 +167,16 @@ def _gain(system: _System, frequency: arb) -> float:
     """A proved lower bound of ||G(j w)||, or zero if the balls are too wide."""
     from flint import acb, acb_mat
 
-    A, B, C, D = (acb_mat(matrix) for matrix in system)
-    if frequency.is_finite():
-        D += C * (acb(0, frequency) - A).solve(B, nonstop=True)
-    middle = _middle(D)
+    A, B, C = (acb_mat(matrix) for matrix in system)
+    G = C * (acb(0, frequency) - A).solve(B, nonstop=True)
+    middle = _middle(G)
     if not np.isfinite(middle).all():
         return 0.0
     # |u* G v| is at most the norm for any unit vectors, and within the square of an error of it.
     left, _, right = np.linalg.svd(middle)
     u, v = acb_mat(left[:, :1].conj().T.tolist()), acb_mat(right[:1].conj().T.tolist())
     lengths = (u * u.conjugate().transpose()) * (v.conjugate().transpose() * v)
-    bound = abs((u * D * v)[0, 0]) / abs(lengths[0, 0]).sqrt()
+    bound = abs((u * G * v)[0, 0]) / abs(lengths[0, 0]).sqrt()
     return max(0.0, nextafter(float(bound.lower()), 0.0))
 
 
@@ -197,14 +184,11 @@ def _crossings(system: _System, bits: int) -> list[arb]:
     """Frequencies w >= 0, all and rising, at which one may be a singular value of G(j w)."""
     from flint import arb_mat
 
-    A, B, C, D = system
-    inverse = (1 - D.transpose() * D).inv(nonstop=True)
-    F = A + B * inverse * D.transpose() * C
-    upper = B * inverse * B.transpose()
-    lower = C.transpose() * (D * inverse * D.transpose() + 1) * C
+    A, B, C = system
+    right, lower = B * B.transpose(), -C.transpose() * C
     rows = [
-        *([*a, *b] for a, b in zip(F.tolist(), upper.tolist(), strict=True)),
-        *([*a, *b] for a, b in zip((-lower).tolist(), (-F.transpose()).tolist(), strict=True)),
+        *([*a, *b] for a, b in zip(A.tolist(), right.tolist(), strict=True)),
+        *([*a, *b] for a, b in zip(lower.tolist(), (-A.transpose()).tolist(), strict=True)),
     ]
     eigenvalues = _eigenvalues(arb_mat(rows), bits)
     return sorted((abs(e.imag.mid()) for e in eigenvalues if e.real.contains(0)), key=float)
