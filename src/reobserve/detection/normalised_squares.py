@@ -17,7 +17,6 @@ from scipy.special import chdtrc, chdtri
 
 from reobserve.core.arguments import as_kind, as_whole
 from reobserve.core.errors import InputError
-from reobserve.core.extras import package
 from reobserve.core.matrices import as_numbers, as_scalar
 from reobserve.observers.run import Run
 from reobserve.systems.periods import wrapped
@@ -130,22 +129,6 @@ class Consistency:
         known = ~np.isnan(self.mean)
         within = (self.mean >= self.lower) & (self.mean <= self.upper)
         return float(within[known].mean()) if known.any() else float("nan")
-
-    def plot(self, time: ArrayLike | None = None) -> Any:
-        """A matplotlib figure of the mean over time [s], or over rows, and of the bounds."""
-        rows = np.arange(len(self.mean)) if time is None else as_numbers("time", time)
-        if rows.shape != self.mean.shape:
-            raise InputError("time", f"has shape {rows.shape}, must be {self.mean.shape}")
-        figure = package("matplotlib.figure", "plot").Figure(
-            figsize=(6.4, 2.6), layout="constrained"
-        )
-        axes = figure.subplots()
-        axes.fill_between(rows, self.lower, self.upper, color="0.85", linewidth=0, label="bounds")
-        axes.plot(rows, self.mean, color="0.1", linewidth=1.0, label="mean over records")
-        axes.set_ylabel("normalised square")
-        axes.set_xlabel("row" if time is None else "time [s]")
-        axes.legend(fontsize="small")
-        return figure
 
 
 def consistency(distances: ArrayLike, dimension: int, probability: float = 0.95) -> Consistency:

@@ -19,7 +19,7 @@ from reobserve.observers.gaussian_state import FilterRows, KalmanState, Predicte
 from reobserve.observers.kalman import KALMAN, TAKES, LinearFilter
 from reobserve.observers.run import AxisNames
 from reobserve.synthesis.linear_gain import undetectable_modes
-from reobserve.systems.linear import LinearModel, ModelRows, as_matrices
+from reobserve.systems.linear import LinearModel, ModelArrays, as_matrices
 from reobserve.systems.signal_names import as_names
 
 Array = NDArray[np.float64]
@@ -153,7 +153,7 @@ class AugmentedKalmanFilter(LinearFilter):
     @cached_property
     def whole(self) -> LinearModel:
         """The model of [x, d]."""
-        whole = self._given({name: getattr(self.model, name) for name in ModelRows._fields}, 1)
+        whole = self._given({name: getattr(self.model, name) for name in ModelArrays._fields}, 1)
         matrices = {name: matrix.reshape(matrix.shape[-2:]) for name, matrix in whole.items()}
         model = LinearModel(**matrices, check=False, sampling_period=self.sampling_period)
         model._set("state_names", self._all_names)

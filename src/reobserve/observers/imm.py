@@ -78,7 +78,7 @@ from reobserve.observers.kalman import (
 from reobserve.observers.one_row import OneRow, is_plain
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, Estimate, Run, names_by_model
-from reobserve.systems.linear import ModelRows
+from reobserve.systems.linear import ModelArrays
 from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
@@ -135,7 +135,7 @@ class Posteriors(NamedTuple):
 class Bank(NamedTuple):
     """Matrices of all filters by row, (., r, ...), their parameters, p_ij, and the bank's gate."""
 
-    model: ModelRows
+    model: ModelArrays
     parameters: Array
     transition: Array
     mixing: bool
@@ -287,7 +287,7 @@ def interact(transition: Array, mixing: bool, posteriors: Posteriors, work: Bank
 
 @inlined_kernel
 def predict_modes(
-    model: ModelRows, k: int, controls: Array, posteriors: Posteriors, work: BankWork
+    model: ModelArrays, k: int, controls: Array, posteriors: Posteriors, work: BankWork
 ) -> None:
     """Time update of all filters to row k, (11) and (12)."""
     A, B = model.A[min(k, len(model.A) - 1)], model.B[min(k, len(model.B) - 1)]
@@ -517,7 +517,7 @@ class IMM(Observer[ImmState]):
     noise_memory: float | None = field(default=None, kw_only=True)
 
     reads_missing: ClassVar[bool] = True
-    takes: ClassVar[tuple[str, ...]] = (*ModelRows._fields, "S")
+    takes: ClassVar[tuple[str, ...]] = (*ModelArrays._fields, "S")
     units: ClassVar[Mapping[str, str]] = {
         "state": "", "variance": "", "covariance": "", "probability": "1", "innovation": "",
         "log_likelihood": "",
@@ -901,7 +901,7 @@ class IMM(Observer[ImmState]):
 
     def _in_record(
         self, state: ImmState, record: Record, inputs: Array
-    ) -> tuple[ModelRows, Array, tuple[Matrices, ...] | None]:
+    ) -> tuple[ModelArrays, Array, tuple[Matrices, ...] | None]:
         """The models of all modes by row, (., r, ...), their inputs, and what the state holds."""
         rows = []
         for j, kf in enumerate(self._linear):
@@ -913,7 +913,7 @@ class IMM(Observer[ImmState]):
             before = {} if state.held is None else state.held[j] or {}
             shared = inputs[None, :, 0]
             rows.append(kf.steps.in_record(kf, given, record.y, shared, before, record.periods))
-        model = ModelRows(
+        model = ModelArrays(
             *(
                 np.stack(np.broadcast_arrays(*matrices), axis=1)
                 for matrices in zip(*(row.model for row in rows), strict=True)
@@ -955,10 +955,10 @@ class IMM(Observer[ImmState]):
         return self._linear[0].method.function
 
     @cached_property
-    def _model(self) -> ModelRows:
+    def _model(self) -> ModelArrays:
         """The matrices of all modes, (1, r, ...)."""
         arrays = zip(*(mode.model.arrays for mode in self._linear), strict=True)
-        return ModelRows(*(np.array([matrices]) for matrices in arrays))
+        return ModelArrays(*(np.array([matrices]) for matrices in arrays))
 
     @cached_property
     def _parameters(self) -> Array:

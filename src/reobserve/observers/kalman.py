@@ -39,7 +39,7 @@ from reobserve.observers.gaussian_state import (
     side_by_side,
 )
 from reobserve.observers.run import Estimate, Run
-from reobserve.systems.linear import LinearModel, ModelRows, as_matrices
+from reobserve.systems.linear import LinearModel, ModelArrays, as_matrices
 
 Array = NDArray[np.float64]
 
@@ -656,7 +656,7 @@ def uncorrelated(
     if S is not None:
         crosses = as_matrices("S", S, (n, m), rows)
         _check(Q[1 : rows + (not open_end)], matrices["R"], crosses)
-        model = ModelRows(*(np.ascontiguousarray(matrices[name]) for name in ModelRows._fields))
+        model = ModelArrays(*(np.ascontiguousarray(matrices[name]) for name in ModelArrays._fields))
         _take_out(
             model, crosses, y, np.ascontiguousarray(inputs), taken, np.empty(m),
             new_linear_work(n, m),
@@ -693,7 +693,7 @@ def _noise_gain(S: Array, R: Array, left: Array, work: LinearWork) -> None:
 
 @kernel
 def _take_out(
-    model: ModelRows, S: Array, y: Array, inputs: Array, taken: TakenOut, left: Array,
+    model: ModelArrays, S: Array, y: Array, inputs: Array, taken: TakenOut, left: Array,
     work: LinearWork,
 ) -> None:  # fmt: skip
     """Write J C, J S' and J (y - D u) of the step from each row to the next one."""
@@ -744,7 +744,7 @@ def linear_in_record(
         raise InputError("S", problem)
     if not given and not held and periods is None:
         return InRecord(model.rows, inputs, None)
-    matrices = {name: given[name] for name in given if name in ModelRows._fields}
+    matrices = {name: given[name] for name in given if name in ModelArrays._fields}
     rows = model.by_row(matrices, len(y), held, periods)
     after = {name: rows[name][-1] for name in ("A", "B", "Q") if name in given}
     before = [held[name] for name in TakenOut._fields if name in held]
@@ -757,7 +757,7 @@ def linear_in_record(
         rows["B"] = side_by_side(rows["B"], np.eye(model.states))
         inputs = side_by_side(inputs, taken.known)
     matrices = {name: np.ascontiguousarray(matrix) for name, matrix in rows.items()}
-    return InRecord(ModelRows(**matrices), inputs, as_held(after))
+    return InRecord(ModelArrays(**matrices), inputs, as_held(after))
 
 
 @inlined_kernel
@@ -816,7 +816,7 @@ def keep_noise(
 
 @kernel
 def run_linear(
-    model: ModelRows,
+    model: ModelArrays,
     gain: Gain,
     measurements: Array,
     inputs: Array,
@@ -852,7 +852,7 @@ def run_linear(
 
 @inlined_kernel
 def _run_rows(
-    model: ModelRows, gain: Gain, measurements: Array, inputs: Array, fresh: bool,
+    model: ModelArrays, gain: Gain, measurements: Array, inputs: Array, fresh: bool,
     posteriors: FilterPosteriors, rows: FilterRows, kept: PredictedRows | None, work: LinearWork,
     ends: NDArray[np.int64], r: int, first: int, last: int,
 ) -> None:  # fmt: skip
@@ -895,7 +895,7 @@ def _run_rows(
 
 @kernel
 def predict_linear(
-    model: ModelRows, gain: Gain, inputs: Array, means: Array, covariances: Array,
+    model: ModelArrays, gain: Gain, inputs: Array, means: Array, covariances: Array,
     next_means: Array, next_covariances: Array, crosses: Array, work: LinearWork,
 ) -> int:  # fmt: skip
     """Predict from each row to the next one, and return how many rows could be.

@@ -946,10 +946,6 @@ class UnscentedKalmanFilter(NonlinearFilter):
     beta: float = 2.0
     kappa: float = 0.0
 
-    steps: ClassVar[FilterSteps] = NONLINEAR
-    has_kalman_gain: ClassVar[bool] = True
-    takes: ClassVar[tuple[str, ...]] = TAKES
-
     def __post_init__(self) -> None:
         super().__post_init__()
         alpha = as_positive("alpha", self.alpha)

@@ -167,10 +167,6 @@ def test_bounds_follow_the_number_of_records_that_are_there() -> None:
     )
     assert np.isnan(found.lower[2])
     assert found.inside == 1.0
-    (axes,) = found.plot([0.0, 0.5, 1.0]).axes
-    np.testing.assert_array_equal(
-        axes.lines[0].get_xydata(), [[0.0, 2.0], [0.5, 2.0], [1.0, np.nan]]
-    )
 
 
 def test_partly_missing_measurement_has_the_distance_of_the_same_probability() -> None:

@@ -12,7 +12,6 @@ observer has. So all is computed again from the gains, as they are stored:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import inf
 from typing import Any
@@ -62,13 +61,6 @@ class Certificate:
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
         return {**asdict(self), "poles": [list(pole) for pole in self.poles]}
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any], place: str = "certificate") -> Certificate:
-        """The certificate that `to_dict` was called on, or `InputError` if it is none."""
-        from reobserve.core.validation import parse
-
-        return parse(cls, values, place, finite=False)  # an unstable observer has no norm
 
 
 def error_system(system: AugmentedSystem, gains: Gains) -> tuple[Matrix, Matrix]:

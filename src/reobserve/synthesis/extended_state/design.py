@@ -57,13 +57,13 @@ class CertifiedGains:
         }
 
     @classmethod
-    def from_dict(cls, values: Mapping[str, Any], place: str = "design") -> CertifiedGains:
+    def from_dict(cls, values: Mapping[str, Any]) -> CertifiedGains:
         """The design that `to_dict` was called on, or `InputError` if it is none of that kind."""
         from reobserve.core.validation import parse
 
         rest = {name: value for name, value in values.items() if name not in {"L", "Ld"}}
         gains = {name: values[name] for name in ("L", "Ld") if name in values}
-        return parse(cls, {**rest, "gains": gains}, place)
+        return parse(cls, {**rest, "gains": gains}, "design")
 
 
 def accepted(
