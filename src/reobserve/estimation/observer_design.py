@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_typ
 import numpy as np
 
 from reobserve.core.documents import Tree
-from reobserve.core.errors import DivergenceError, InputError, located
+from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.matrices import FloatArray, as_positive
 from reobserve.core.validation import checked, parse
 from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered
@@ -250,11 +250,8 @@ class Design(ABC):
         """
         with self.keyed():
             certificate = self.certify()
-        with self.keyed():
             self.start()
         _compare("certificate", self.certificate, certificate)
-        with located("system"), self.keyed():
-            self.start()
         return self
 
 

@@ -29,9 +29,6 @@ _MOST_DIGITS = 17  # with which any number reads back to the same
 _AT_ONCE = 2**15  # rows of text in memory
 _FEW = 50  # rows, for which a column at a time is not worth while
 _SMALL, _LARGE = 1e-4, 1e9  # numbers between them are spelled by all in one way
-_CERTAIN_DIGITS = 10  # to which numbers are rounded by arithmetic, unless they are
-_TIE = 1e-4  # as near to a tie
-_POWERS = np.array([float(f"1e{k}") for k in range(16)])
 
 
 def check_name(path: Path) -> None:
@@ -121,36 +118,16 @@ def _text(block: Estimated, report: DataReport, digits: int | None) -> str:
 
 
 def _column(numbers: Array, digits: int | None) -> Any:
-    """Numbers as `_cells` spells them: pyarrow does, but for those that it spells otherwise."""
+    """Numbers as `_cells` spells them: pyarrow does, where they have all digits, in one way."""
     import pyarrow as pa
     import pyarrow.compute as compute
 
+    if digits is not None:
+        return pa.array(_cells(numbers.tolist(), digits), pa.string())
     sizes = np.abs(numbers)
-    if digits is None:
-        rounded = numbers
-        same = (sizes >= _SMALL) & (sizes < _LARGE) & (sizes != np.rint(sizes))
-    else:
-        rounded, same = _rounded(numbers, sizes, digits)
-    texts = pa.array(rounded).cast(pa.string())
-    if same.all():
-        return texts
-    cells = pa.array(_cells(numbers[~same].tolist(), digits), pa.string())
-    return compute.replace_with_mask(texts, pa.array(~same), cells)
-
-
-def _rounded(numbers: Array, sizes: Array, digits: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Numbers to so many digits, and where these are certain and are spelled without exponents.
-
-    Whole numbers below 2**53 over powers of ten that are floats are rounded once.
-    """
-    inside = (sizes >= _SMALL) & (sizes < min(10.0**digits, _LARGE)) & (digits <= _CERTAIN_DIGITS)
-    places = digits - 1 - np.floor(np.log10(np.where(inside, sizes, 1.0))).astype(np.int64)
-    powers = _POWERS[np.clip(places, 0, len(_POWERS) - 1)]
-    scaled = np.where(inside, numbers, 0.0) * powers
-    whole = np.rint(scaled)
-    rounded = whole / powers
-    certain = np.abs(np.abs(scaled - whole) - 0.5) > _TIE
-    return rounded, inside & certain & (np.abs(rounded) < 10.0**digits)
+    other = ~((sizes >= _SMALL) & (sizes < _LARGE) & (sizes != np.rint(sizes)))
+    cells = pa.array(_cells(numbers[other].tolist(), None), pa.string())
+    return compute.replace_with_mask(pa.array(numbers).cast(pa.string()), pa.array(other), cells)
 
 
 def _whole(numbers: Array) -> Any:
