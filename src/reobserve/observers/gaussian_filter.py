@@ -39,7 +39,6 @@ from reobserve.observers.gaussian_state import (
     check_noise_memory,
     check_posterior,
     check_sample,
-    check_time,
     forgetting,
     inputs_of_rows,
     periods_of,
@@ -565,11 +564,11 @@ class GaussianFilter(Observer[KalmanState]):
         posterior = check_posterior("state.posterior", given.posterior, n, m)
         sample = check_sample(given.sample, m, p)
         noise = check_noise(given.noise, self.noise_memory is not None, m)
-        held, time = check_held(given.held, self), check_time(given.time)
+        held = check_held(given.held, self)
         same = posterior is given.posterior and sample is given.sample and noise is given.noise
         if same and held is None:
             return given
-        return KalmanState(posterior, sample, given.count, held, time, noise)
+        return KalmanState(posterior, sample, given.count, held, given.time, noise)
 
 
 def innovation_deviation(observer: GaussianFilter, state: KalmanState) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import all_finite, as_numbers, as_row, as_samples, as_scalar
+from reobserve.core.matrices import all_finite, as_numbers, as_row, as_samples
 from reobserve.core.value import Value, for_loop, read_only
 from reobserve.observers.record import Record, check_state, warn_caller
 from reobserve.systems.linear import LinearModel
@@ -269,11 +269,6 @@ def check_held(held: Any, observer: Any, name: str = "state.held") -> Matrices |
         if key == "dt" and array[0] <= 0:
             raise InputError(f"{name}.dt", f"{shown(value)} must be a positive time")
     return matrices
-
-
-def check_time(time: Any) -> float | None:
-    """The time [s] of a state's sample, or `InputError` if it is no finite number and not None."""
-    return None if time is None else as_scalar("state.time", time)
 
 
 def check_noise(value: Any, learned: bool, outputs: int) -> Array | None:

@@ -53,7 +53,6 @@ from reobserve.observers.gaussian_state import (
     check_held,
     check_noise,
     check_sample,
-    check_time,
     forgetting,
     inputs_of_rows,
     periods_of,
@@ -760,14 +759,11 @@ class IMM(Observer[ImmState]):
                 check_held(matrices, mode, f"state.held[{j}]") or {}
                 for j, (matrices, mode) in enumerate(zip(held, modes, strict=True))
             )
-        time = check_time(given.time)
         noise = check_noise(given.noise, self.noise_memory is not None, m)
         same = logarithms is given.log_probabilities and sample is given.sample
         if same and noise is given.noise and held is None:
             return given
-        return replace(
-            given, log_probabilities=logarithms, sample=sample, held=held, time=time, noise=noise
-        )
+        return replace(given, log_probabilities=logarithms, sample=sample, held=held, noise=noise)
 
     def _uneven(
         self, time: ArrayLike | None, state: ImmState, record: Record

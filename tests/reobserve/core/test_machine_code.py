@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from reobserve.detection.restarted_cusum import restarted_cusum
-from reobserve.estimation.families import imm
+from reobserve.estimation.families import linear_system
 from reobserve.estimation.timestamps import least_jitter
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
@@ -42,7 +42,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         MODEL, boundary_layer=10.0, convergence_rate=0.1, inverse="weighted"
     )
     weighted.run(y, u, state=weighted.init([0.0, 0.0], 1.0))
-    imm.weighed(np.ones((5, 2)), np.ones((5, 2, 1)))
+    linear_system.weighed(np.ones((5, 2)), np.ones((5, 2, 1)))
     least_jitter([np.arange(5.0)], 1.0)
     return kernels.kernels("reobserve")
 

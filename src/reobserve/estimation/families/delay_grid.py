@@ -12,11 +12,10 @@ import numpy as np
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
 from reobserve.core.validation import NotNegative
-from reobserve.estimation.families.imm import weighed
-from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem, unobserved
+from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem
 from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.signals import NamedSignal, covariances
-from reobserve.estimation.observer_design import Certificate, Estimates, Example
+from reobserve.estimation.observer_design import Certificate, Example
 from reobserve.observers.grid_filter import GridFilter
 
 Array = FloatArray
@@ -118,19 +117,10 @@ class DelayGridDesign(FilterDesign):
             ),
         }  # fmt: skip
 
-    def residual(self, y: Array, estimates: Estimates) -> Array:
-        """The innovations of all delays, weighed by their probabilities."""
-        return weighed(estimates["probability"], estimates["innovation"])
-
     @property
     def sigmas(self) -> Mapping[str, str]:
         """The variances of the state and the delay."""
         return {"state": "variance", "parameter": "parameter_variance"}
-
-    @property
-    def unseen(self) -> tuple[str, ...]:
-        """Modes that stay as they start."""
-        return unobserved(self.system.model)
 
     def certify(self) -> Certificate:
         """The number of delays, and the probability that one is kept for a row, the least."""

@@ -12,7 +12,6 @@ import numpy as np
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
 from reobserve.core.validation import Positive
-from reobserve.estimation.families.imm import weighed
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem, check_shape
 from reobserve.estimation.families.rules import rules
@@ -25,7 +24,7 @@ from reobserve.estimation.families.signals import (
     product,
     variances,
 )
-from reobserve.estimation.observer_design import Certificate, Estimates, Example
+from reobserve.estimation.observer_design import Certificate, Example
 from reobserve.observers.fault_bank import FaultBank
 
 Array = FloatArray
@@ -156,10 +155,6 @@ class FaultBankDesign(FilterDesign):
             fault_covariance=system.initial_fault_covariance,
             rate_covariance=system.initial_rate_covariance,
         )  # fmt: skip
-
-    def residual(self, y: Array, estimates: Estimates) -> Array:
-        """The innovations of the modes, weighed by their probabilities."""
-        return weighed(estimates["probability"], estimates["innovation"])
 
     @property
     def sigmas(self) -> Mapping[str, str]:

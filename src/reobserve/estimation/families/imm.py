@@ -10,7 +10,6 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from reobserve.core.errors import InputError, located
-from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import (
@@ -21,7 +20,7 @@ from reobserve.estimation.families.linear_system import (
 )
 from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.signals import NamedSignal, check_signals, covariances
-from reobserve.estimation.observer_design import Certificate, Estimates, Example
+from reobserve.estimation.observer_design import Certificate, Example
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
@@ -189,10 +188,6 @@ class ImmDesign(FilterDesign):
             system.mean, system.initial_covariance, probabilities=system.initial_probabilities
         )
 
-    def residual(self, y: Array, estimates: Estimates) -> Array:
-        """The innovations of the modes, weighed by their probabilities."""
-        return weighed(estimates["probability"], estimates["innovation"])
-
     @property
     def unseen(self) -> tuple[str, ...]:
         """Modes of each model that stay as they start."""
@@ -216,15 +211,3 @@ class ImmDesign(FilterDesign):
             seconds = self.certificate[f"samples_in_{mode}"] * period
             lines.append(f"{mode}: stays for {seconds:.4g} s on average")
         return lines
-
-
-@allocating_kernel
-def weighed(probability: Array, innovation: Array) -> Array:
-    """Innovations of modes, (k, r, p), by their probabilities, (k, r)."""
-    rows, modes, size = innovation.shape
-    mean = np.zeros((rows, size))
-    for k in range(rows):
-        for mode in range(modes):
-            for place in range(size):
-                mean[k, place] += probability[k, mode] * innovation[k, mode, place]
-    return mean

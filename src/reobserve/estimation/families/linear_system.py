@@ -11,6 +11,7 @@ import numpy as np
 
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError
+from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.estimation.families.rules import periods, rule_estimates
 from reobserve.estimation.families.signals import NamedSignal, listed, numbered, variances
@@ -138,8 +139,10 @@ class FilterDesign(Design):
         return self.observer.init(self.system.mean, self.system.initial_covariance)  # type: ignore[attr-defined]
 
     def residual(self, y: Array, estimates: Estimates) -> Array:
-        """The innovation."""
-        return estimates["innovation"]
+        """The innovation, of a bank those of its filters, weighed by their probabilities."""
+        innovation = estimates["innovation"]
+        bank = "probability" in estimates
+        return weighed(estimates["probability"], innovation) if bank else innovation
 
     @property
     def sigmas(self) -> Mapping[str, str]:
@@ -187,3 +190,15 @@ def decay_sentences(certificate: Certificate, period: float) -> list[str]:
         f"poles: {pole_text(certificate['poles'])}, of the error from sample to sample",
         f"spectral radius {radius:.6g}: the slowest error falls to 37 % in {rate:.3g} s",
     ]
+
+
+@allocating_kernel
+def weighed(probability: Array, innovation: Array) -> Array:
+    """Innovations of modes, (k, r, p), by their probabilities, (k, r)."""
+    rows, modes, size = innovation.shape
+    mean = np.zeros((rows, size))
+    for k in range(rows):
+        for mode in range(modes):
+            for place in range(size):
+                mean[k, place] += probability[k, mode] * innovation[k, mode, place]
+    return mean
