@@ -67,6 +67,7 @@ from reobserve.observers.kalman import (
 )
 from reobserve.observers.run import Estimate, Run
 from reobserve.systems.nonlinear import NonlinearModel
+from reobserve.systems.nonlinear_arguments import values_by_row
 from reobserve.systems.nonlinear_flow import (
     FlowWork,
     Functions,
@@ -606,7 +607,7 @@ def by_row(
     elif "Q" in held:
         fields["Q"] = np.concatenate([first, fields["Q"][0 if periods is None else 1 :]])
     if "parameters" in given or "parameters" in held:
-        read = model.parameters_by_row(given.get("parameters", {}), rows)
+        read = values_by_row(model.parameters, given.get("parameters", {}), rows)
         before = held.get("parameters", model.parameter_values)
         later = np.broadcast_to(read, (rows, read.shape[1]))
         values = np.concatenate([before[None], later])

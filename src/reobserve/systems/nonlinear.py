@@ -19,7 +19,7 @@ from reobserve.core.covariances import as_covariance
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_positive
 from reobserve.core.value import for_loop, read_only
-from reobserve.systems.nonlinear_arguments import as_parameters, as_scale, as_texts, values_by_row
+from reobserve.systems.nonlinear_arguments import as_parameters, as_scale, as_texts
 from reobserve.systems.nonlinear_flow import Functions
 from reobserve.systems.nonlinear_text import Names, text_jacobian, text_rows
 from reobserve.systems.parameter_states import with_parameter_states
@@ -277,24 +277,6 @@ class NonlinearModel:
     def parameter_values(self) -> Array:
         """Values of the parameters, shape (q,), read-only."""
         return read_only(np.array([*(self.parameters or {}).values()], dtype=np.float64))
-
-    def parameters_by_row(self, given: Mapping[str, ArrayLike] | None, rows: int) -> Array:
-        """Values for a run: shape (1, q) if they are the same in all rows, else (rows, q).
-
-        Parameters
-        ----------
-        given
-            By name a number, or an array of shape (rows,). Parameters that are left out keep the
-            values of the model.
-        rows
-            Of the run.
-
-        Raises
-        ------
-        InputError
-            If a name is unknown, or a value has another shape or is not finite.
-        """
-        return values_by_row(self.parameters or {}, given, rows)
 
     def with_parameter_states(self, random_walk: Mapping[str, float]) -> NonlinearModel:
         """The model of the state and parameters of this one, which a filter then estimates.

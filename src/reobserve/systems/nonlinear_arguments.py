@@ -45,13 +45,16 @@ def as_scale(given: ArrayLike, states: int) -> Array:
 
 
 def values_by_row(
-    known: Mapping[str, float], given: Mapping[str, ArrayLike] | None, rows: int
+    known: Mapping[str, float] | None, given: Mapping[str, ArrayLike], rows: int
 ) -> Array:
-    """`NonlinearModel.parameters_by_row`, where ``known`` are the values of the model."""
-    if given is not None and not isinstance(given, Mapping):
+    """Parameters of a run: shape (1, q) if they are the same in all rows, else (rows, q).
+
+    ``known`` are those of the model, ``given`` by name a number or an array of shape (rows,).
+    """
+    if not isinstance(given, Mapping):
         raise InputError("parameters", f"{shown(given)} must be numbers by name")
-    columns: dict[str, Any] = dict(known)
-    for name, value in (given or {}).items():
+    columns: dict[str, Any] = dict(known or {})
+    for name, value in given.items():
         place = f"parameters.{name}"
         if name not in columns:
             raise InputError(place, f"is no parameter of the model{nearest(name, columns)}")

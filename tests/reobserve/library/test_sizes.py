@@ -24,7 +24,6 @@ from hypothesis import strategies as st
 from reobserve import (
     KalmanFilter,
     LinearModel,
-    NonlinearModel,
     normal_form_observer,
     rts_smoother,
     tune,
@@ -44,7 +43,6 @@ BEYOND = [MOST_COUNTED + 1, 2**32, 2**63 - 2, 2**63 - 1, 2**63, 2**64 - 1, 2**64
 KALMAN = KalmanFilter(LinearModel([[1]], C=[[1]], Q=1, R=1))
 RUN = KALMAN.run(np.arange(50.0), state=KALMAN.init([0], 1))
 MANY = KALMAN.run(np.zeros((2, 5, 1)), state=KALMAN.init([0], 1))
-TEXT = NonlinearModel(["a"], ["a"], 1.0, 1.0, state_names=["a"], parameters={"g": 1.0})
 
 # Whole numbers that the calls of `calls` leave out.
 OTHERS: dict[str, Callable[[Any], object]] = {
@@ -55,9 +53,6 @@ OTHERS: dict[str, Callable[[Any], object]] = {
     "observers.run.Run.record: number": MANY.record,
     "systems.linear.LinearModel.by_row: rows": lambda n: KALMAN.model.by_row(
         {"Q": [[[1.0]]]}, n, {}, None
-    ),
-    "systems.nonlinear.NonlinearModel.parameters_by_row: rows": lambda n: TEXT.parameters_by_row(
-        {"g": [1.0]}, n
     ),
     "tuning.search.tune: workers": lambda n: tune(
         lambda found: found, {"a": (1.0, 2.0)}, [0], lambda *_: 1.0, budget=1, workers=n

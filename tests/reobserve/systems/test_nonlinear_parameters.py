@@ -24,6 +24,7 @@ from reobserve import (
     rts_smoother,
 )
 from reobserve.core.loop_function import RaisedAfterLoop
+from reobserve.systems.nonlinear_arguments import values_by_row
 
 Array = NDArray[np.float64]
 
@@ -374,9 +375,9 @@ def test_values_of_a_run_stand_in_the_order_of_the_parameters() -> None:
     assert model.parameter_values.tolist() == [2.5, 0.1, 7.0, 0.3]
     with pytest.raises(ValueError, match="read-only"):
         model.parameter_values[0] = 1.0
-    assert model.parameters_by_row(None, 3).tolist() == [[2.5, 0.1, 7.0, 0.3]]
-    assert model.parameters_by_row({"c": 1, "g": 4.0}, 3).tolist() == [[4.0, 0.1, 7.0, 1.0]]
-    found = model.parameters_by_row({"dt": [1, 2, 3], "c": np.float64(4.0)}, 3)
+    assert values_by_row(model.parameters, {}, 3).tolist() == [[2.5, 0.1, 7.0, 0.3]]
+    assert values_by_row(model.parameters, {"c": 1, "g": 4.0}, 3).tolist() == [[4.0, 0.1, 7.0, 1.0]]
+    found = values_by_row(model.parameters, {"dt": [1, 2, 3], "c": np.float64(4.0)}, 3)
     assert found.tolist() == [[2.5, dt, 7.0, 4.0] for dt in (1.0, 2.0, 3.0)]
     assert found.flags.carray
 
@@ -387,7 +388,7 @@ def test_model_without_parameters_has_none() -> None:
         model = NonlinearModel(["a", "w"], "a", parameters=given, **TEXT)
         assert model.parameter_names == ()
         assert model.parameter_values.shape == (0,)
-        assert model.parameters_by_row({}, 3).shape == (1, 0)
+        assert values_by_row(model.parameters, {}, 3).shape == (1, 0)
 
 
 REFUSED: list[tuple[Any, str]] = [
@@ -405,5 +406,5 @@ REFUSED: list[tuple[Any, str]] = [
 @pytest.mark.parametrize(("given", "said"), REFUSED, ids=[said for _, said in REFUSED])
 def test_invalid_values_of_a_run_are_refused(given: Any, said: str) -> None:
     with pytest.raises(InputError) as error:
-        text_model(2.5).parameters_by_row(given, 3)
+        values_by_row(text_model(2.5).parameters, given, 3)
     assert str(error.value) == said

@@ -243,11 +243,6 @@ def _nonlinear_filters() -> Iterator[Call]:
     name = "systems.nonlinear.NonlinearModel.from_ode, functions"
     yield Call(name, integrated_functions, (lambda x, u: -x, lambda x: x[:1], 2, 1, 1))
 
-    def by_row(parameters: Any) -> object:
-        return made_of(*texts, *names, 1.0, 0.01, 2).parameters_by_row(parameters, 3)
-
-    name = "systems.nonlinear.NonlinearModel.parameters_by_row"
-    yield Call(name, by_row, ({"g": [9.8, 9.81, 9.82]},))
     model = swing()
 
     def with_states(random_walk: Any) -> object:
