@@ -30,10 +30,11 @@ def _add_tile(_: Any, left: Any, panel: Any, start: Any, out: Any, a: Any, b: An
         vector = ir.VectorType(ir.DoubleType(), COLUMNS)
         whole, zeros = args[4].type, ir.Constant(vector, [0.0] * COLUMNS)
         first = ir.Constant(ir.VectorType(ir.IntType(32), COLUMNS), [0] * COLUMNS)
-        left, panel, start, out = (
-            None if kind is types.none else context.make_array(kind)(context, builder, array)
+        arrays: list[Any] = [
+            kind is not types.none and context.make_array(kind)(context, builder, array)
             for kind, array in zip(signature.args[:4], args, strict=False)
-        )
+        ]
+        left, panel, start, out = arrays
         n = builder.extract_value(out.shape, 1)
 
         def entry(array: Any, row: Any, column: Any, width: Any = n) -> Any:
@@ -43,9 +44,10 @@ def _add_tile(_: Any, left: Any, panel: Any, start: Any, out: Any, a: Any, b: An
             return builder.bitcast(entry(*place), vector.as_pointer())
 
         rows = [builder.add(args[4], whole(r)) for r in range(ROWS)]
-        sums = [cgutils.alloca_once(builder, vector) for _ in rows]
+        once: Any = cgutils.alloca_once
+        sums = [once(builder, vector) for _ in rows]
         for row, total in zip(rows, sums, strict=True):
-            begun = zeros if start is None else builder.load(block(start, row, args[5]), align=8)
+            begun = builder.load(block(start, row, args[5]), align=8) if start else zeros
             builder.store(begun, total)
         with cgutils.for_range(builder, n) as loop:
             right = builder.load(block(panel, loop.index, whole(0), whole(COLUMNS)), align=8)

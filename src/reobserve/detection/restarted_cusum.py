@@ -57,7 +57,7 @@ def _restarted(
 ) -> None:
     A, B, C, D, Q, R = healthy
     A1, B1, C1, D1, Q1, R1 = faulty
-    g, large = 0.0, work.transposed
+    g, large = 0.0, work.panel
     for k in range(len(measurements)):
         y, u = measurements[k], inputs[k]
         if k > 0:

@@ -458,9 +458,7 @@ def correct_mean(mean: Array, innovation: Array, work: LinearWork) -> None:
 
 
 @inlined_kernel
-def correct_covariance(
-    C: Array, covariance: Array, work: LinearWork, panel: Array | None
-) -> None:
+def correct_covariance(C: Array, covariance: Array, work: LinearWork, panel: Array | None) -> None:
     """Correct the covariance in Joseph's form, which holds for any gain.
 
     Gadsden et al. 2011, (17). M = I - K C itself is never formed, which saves two products of

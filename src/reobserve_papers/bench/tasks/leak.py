@@ -280,9 +280,7 @@ def augmented(plant: Plant, s: Settings, period: float, noise: float) -> Statist
     from scipy.signal import lfilter
 
     model = _model(plant, "normal", s, period, noise)
-    observer = AugmentedKalmanFilter(
-        model, fault_matrix=model.B, random_walk=s["walk"] ** 2
-    )
+    observer = AugmentedKalmanFilter(model, fault_matrix=model.B, random_walk=s["walk"] ** 2)
     start = observer.init(np.zeros(4), REST, unknown_input_covariance=0.0)
     decay = math.exp(-period / s["lag"])
 
