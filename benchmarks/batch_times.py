@@ -45,14 +45,14 @@ def batch_jobs(folder: Path, kind: str, n: int, y: Array, u: Array) -> Jobs:
     start = ours.init(np.zeros(n), 1.0)
 
     def one_by_one() -> list[Any]:
-        return [ours.run(one, u_, state=start) for one, u_ in zip(y, u, strict=True)]
+        return [ours.run(one, u_, start=start) for one, u_ in zip(y, u, strict=True)]
 
     def at_once() -> Any:
-        return ours.run(y, u, state=start)
+        return ours.run(y, u, start=start)
 
     jobs: dict[str, Callable[[], Any]] = {"runs in a list": one_by_one}
     try:
-        ours.run(y[:2], u[:2], state=start)
+        ours.run(y[:2], u[:2], start=start)
     except InputError:
         pass
     else:

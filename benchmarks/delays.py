@@ -162,14 +162,14 @@ def _observer_against_c(
         states, off,
     )  # fmt: skip
     times = interleaved(
-        {"run": lambda: run_on_halves(observer, y, u, state=start), "loop": loop, "C": call},
+        {"run": lambda: run_on_halves(observer, y, u, start=start), "loop": loop, "C": call},
         repeats,
     )
     section.rows += [
         Row(f"observer, {kind}: compiled loop alone", times["loop"], "C", times["C"], aim=_AIM),
         Row(f"observer, {kind}: run, checks included", times["run"], "C loop", times["C"]),
     ]
-    found = run_on_halves(observer, y, u, state=start)
+    found = run_on_halves(observer, y, u, start=start)
     section.checks += [
         Check(f"observer, {kind}, C, estimates", _largest(states, by_c), 1e-10),
         Check(f"observer, {kind}, C, share switched off", _largest(off, off_by_c), 1e-10),
@@ -208,7 +208,7 @@ def _against_scipy(section: Section, repeats: int) -> None:
 
     def both() -> Array:
         DelayedInputPlant(MODEL).simulate(_START[0], control, _DELAY, 0.5 * STEP, 2 * steps)
-        return run_on_halves(observer, y, u, state=start)["delay"]
+        return run_on_halves(observer, y, u, start=start)["delay"]
 
     pair = interleaved({"both": both, "scipy": lambda: solve(begin, _JUMPS[:2], _BOTH)}, repeats)
     scale = HORIZON / span
@@ -222,7 +222,7 @@ def _against_scipy(section: Section, repeats: int) -> None:
     soon = round(1.0 / STEP)
     finer = _observer(0.0, STEP / 8)
     fine_y, fine_u = _record("ramp", STEP / 8, 8 * soon)
-    exact = run_on_halves(finer, fine_y, fine_u, state=start)["delay"][-1]
+    exact = run_on_halves(finer, fine_y, fine_u, start=start)["delay"][-1]
     by_scipy = float(solve(begin, (0.0, 1.0), _BOTH)[-1][4])
     ends = np.rint(np.array(_JUMPS[1:]) / STEP).astype(int)
     section.checks += [
@@ -259,7 +259,7 @@ def _many_runs(section: Section, runs: int, repeats: int) -> None:
     def checked(number: int) -> float:
         (output, inputs), (output_before, inputs_before) = samples[number % len(samples)]
         done = run_on_halves(
-            observer, output, inputs, state=start, y_before=output_before, u_before=inputs_before
+            observer, output, inputs, start=start, y_before=output_before, u_before=inputs_before
         )
         return float(done["delay"][-1])
 

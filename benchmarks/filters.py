@@ -53,7 +53,7 @@ def run(quick: bool) -> Section:
 def _run(bank: IMM, z: Array, u: Array) -> Found:
     """From a step before the first row, over which the first control is held."""
     start = bank.init(np.zeros(4), 1.0, u=u[0])
-    done = bank.run(z, u[1:], state=start)
+    done = bank.run(z, u[1:], start=start)
     return done["state"], done["probability"]
 
 

@@ -18,7 +18,7 @@ def main() -> None:
     record = sampled_record(1)
     state = observer.init(measured_rate(0.0))
     start = time.perf_counter()
-    run_on_halves(observer, *record, state=state)
+    run_on_halves(observer, *record, start=state)
     print(time.perf_counter() - start)
 
 

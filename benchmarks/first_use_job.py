@@ -32,7 +32,7 @@ def first_run(kind: str) -> None:
     if kind == "IMM":
         stays = [[0.95, 0.05], [0.05, 0.95]]
         ours = reobserve.IMM([ours, reobserve.KalmanFilter(linear_model(2))], stays)
-    ours.run(np.ones(1), np.ones(1), state=ours.init(np.zeros(2), 1.0))
+    ours.run(np.ones(1), np.ones(1), start=ours.init(np.zeros(2), 1.0))
 
 
 def later_calls() -> dict[str, float]:
@@ -53,7 +53,7 @@ def later_calls() -> dict[str, float]:
 
     def run() -> None:
         for _ in range(_CALLS):
-            ours["KF"].run(y, u, state=starts["KF"])
+            ours["KF"].run(y, u, start=starts["KF"])
 
     def steps(kind: str) -> None:
         latest = starts[kind]

@@ -148,7 +148,7 @@ def filter_jobs(folder: Path, kind: str, n: int, rows: int) -> Jobs:
     start = ours.init(np.zeros(n), 1.0)
 
     def run() -> Found:
-        done = ours.run(y, u, state=start)
+        done = ours.run(y, u, start=start)
         return tuple(done[name] for name in NAMES)
 
     peers = libraries(folder, n).items()
@@ -164,12 +164,12 @@ def rolled(kind: str, n: int, y: Array, u: Array) -> Callable[[], Found]:
     start = one.init(np.zeros(n), 1.0)
     kalman.UNROLLED = 0  # scratch, which the filter keeps, says by which loops it is run
     try:
-        one.run(y[:1], u[:1], state=start)
+        one.run(y[:1], u[:1], start=start)
     finally:
         kalman.UNROLLED = unrolled
 
     def run() -> Found:
-        done = one.run(y, u, state=start)
+        done = one.run(y, u, start=start)
         return tuple(done[name] for name in NAMES)
 
     return run
@@ -179,7 +179,7 @@ def smoother_jobs(folder: Path, kind: str, n: int, rows: int) -> Jobs:
     """The smoother over a run of a filter, as ``ours``, and that of the peers."""
     y, u = (one[0] for one in records(n, rows, 1))
     ours = our_filter(kind, n)
-    done = ours.run(y, u, state=ours.init(np.zeros(n), 1.0))
+    done = ours.run(y, u, start=ours.init(np.zeros(n), 1.0))
 
     def smooth() -> Found:
         found = reobserve.rts_smoother(ours, done, u)

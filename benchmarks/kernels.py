@@ -55,13 +55,13 @@ def _against_c(
     call = _c_call(c, law, observer, record, c_out)
     times = interleaved(
         {
-            "run": lambda: run_on_halves(observer, *record, state=start),
+            "run": lambda: run_on_halves(observer, *record, start=start),
             "loop": lambda: problem.loop(observer, _copy(start), record, out),
             "C": call,
         },
         repeats,
     )
-    result = run_on_halves(observer, *record, state=start)
+    result = run_on_halves(observer, *record, start=start)
     section.rows += [
         Row(f"{law}: run, checks included", times["run"], "C", times["C"], aim=_AIM),
         Row(f"{law}: compiled loop alone", times["loop"], "C", times["C"], aim=_AIM),
@@ -118,7 +118,7 @@ def _against_numpy(section: Section, steps: int, repeats: int) -> None:
 
     times = interleaved(
         {
-            "run": lambda: run_on_halves(observer, *whole, state=start),
+            "run": lambda: run_on_halves(observer, *whole, start=start),
             "numpy": lambda: plain().run(*record),
             "step": stepping,
         },
@@ -134,7 +134,7 @@ def _against_numpy(section: Section, steps: int, repeats: int) -> None:
         f"numpy ran {steps} steps, its time is scaled to {STEPS:,}",
         f"one call of step: {seconds(step - loop)} of Python around {seconds(loop)} of work",
     ]
-    result = run_on_halves(observer, *record, state=start)
+    result = run_on_halves(observer, *record, start=start)
     by_numpy = plain().run(*record)
     stepped = [np.array(column) for column in zip(*stepping(), strict=True)]
     section.checks += [
@@ -155,7 +155,7 @@ def _against_scipy(section: Section, intervals: int, repeats: int) -> None:
 
     whole = problem.sampled_record(STEPS)
     times = interleaved(
-        {"run": lambda: run_on_halves(observer, *whole, state=start), "scipy": scipy}, repeats
+        {"run": lambda: run_on_halves(observer, *whole, start=start), "scipy": scipy}, repeats
     )
     scaled = times["scipy"] * STEPS / steps
     section.rows.append(Row("continuous: run, checks included", times["run"], "solve_ivp", scaled))
@@ -163,9 +163,9 @@ def _against_scipy(section: Section, intervals: int, repeats: int) -> None:
     finer = 16
     reference = problem.continuous(problem.STEP / finer)
     fine = problem.sampled_record(steps * finer, problem.STEP / finer)
-    exact = run_on_halves(reference, *fine, state=reference.init(start.rate))["fault"]
+    exact = run_on_halves(reference, *fine, start=reference.init(start.rate))["fault"]
     exact = exact[:: DELAY * finer][:intervals]
-    found = run_on_halves(observer, *record, state=start)["fault"]
+    found = run_on_halves(observer, *record, start=start)["fault"]
     ours = _largest(found[::DELAY][:intervals], exact)
     theirs = _largest(scipy()[1], exact)
     section.checks += [

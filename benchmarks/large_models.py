@@ -62,7 +62,7 @@ def by_plain_loops(model: LinearModel) -> KalmanFilter:
     kalman.LARGE = 10**9  # scratch, which the filter keeps, says by which loops it is run
     try:
         zeros = np.zeros((1, 1))
-        one.run(zeros, zeros, state=one.init(np.zeros(model.states), 1.0))
+        one.run(zeros, zeros, start=one.init(np.zeros(model.states), 1.0))
     finally:
         kalman.LARGE = large
     return one
@@ -70,7 +70,7 @@ def by_plain_loops(model: LinearModel) -> KalmanFilter:
 
 def by_us(one: Any, start: Any, y: Array, u: Array) -> Array:
     """The estimates of one of our filters."""
-    estimates: Array = one.run(y, u, state=start)["state"]
+    estimates: Array = one.run(y, u, start=start)["state"]
     return estimates
 
 

@@ -81,7 +81,7 @@ def filters() -> list[Any]:
 
 def run(one: Any) -> Any:
     """A short run of a filter."""
-    return one.run(np.zeros(20), np.ones(20), state=one.init([0.0, 0.0], 1.0))
+    return one.run(np.zeros(20), np.ones(20), start=one.init([0.0, 0.0], 1.0))
 
 
 def plant_walk(parameter_file: str) -> Walk:

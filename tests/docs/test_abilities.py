@@ -166,7 +166,7 @@ def try_bank(case: Case) -> None:
     bank = IMM([case.observer, case.observer], [[0.9, 0.1], [0.2, 0.8]])
     posterior = case.state.posterior
     start = bank.init(posterior.mean, posterior.covariance)
-    found, alone = bank.run(case.y, case.u, state=start), run(case)
+    found, alone = bank.run(case.y, case.u, start=start), run(case)
     n = alone["state"].shape[1]
     np.testing.assert_allclose(found["state"][:, :n], alone["state"], rtol=1e-7, atol=1e-10)
     np.testing.assert_allclose(
@@ -183,7 +183,7 @@ def try_batch(case: Case) -> None:
     for r in range(2):
         alone = run(case, y=y[r], u=None if u is None else u[r])
         assert not differing(found.record(r).estimates, alone.estimates)
-        assert not differing(remembered(found.state[r]), remembered(alone.state))
+        assert not differing(remembered(found.end[r]), remembered(alone.end))
         assert found.record(r).missing == alone.missing
 
 

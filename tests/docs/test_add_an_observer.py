@@ -135,7 +135,7 @@ from reobserve import LinearModel
 from tracking.clipped_kalman import ClippedKalmanFilter
 A, B, y, u = np.load("record.npz").values()
 observer = ClippedKalmanFilter(LinearModel(A, B, np.eye(2), Q=1e-4, R=[1e-3, 1e-4]), b=10.0)
-np.save("found.npy", observer.run(y, u, state=observer.init([0.0, 0.0], 1.0))["state"])
+np.save("found.npy", observer.run(y, u, start=observer.init([0.0, 0.0], 1.0))["state"])
 """
 
 

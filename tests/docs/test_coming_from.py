@@ -66,7 +66,7 @@ def test_filter_is_that_of_filterpy_in_either_order(page: Any) -> None:
 def test_smoother_is_that_of_filterpy_without_an_input(page: Any) -> None:
     means, covariances, *_ = peer(page.model).batch_filter(left(page), update_first=True)
     wanted, spread, *_ = peer(page.model).rts_smoother(means, covariances)
-    still = page.kalman.run(left(page)[:, :, 0], 0 * page.u, state=page.start)
+    still = page.kalman.run(left(page)[:, :, 0], 0 * page.u, start=page.start)
     smooth = page.rts_smoother(page.kalman, still, 0 * page.u)
     close(smooth["state"], wanted[:, :, 0])
     close(smooth["covariance"], spread)

@@ -118,7 +118,7 @@ def estimate(job: Job, record: Series) -> Series:
         built = luenberger(model, poles=[np.exp(-job.observer.pole * plant.step)] * 4)
     else:
         built = steady_kalman(model)
-    run = built.run(record["measured"], record["force"], state=built.init(np.zeros(4), 0.0))
+    run = built.run(record["measured"], record["force"], start=built.init(np.zeros(4), 0.0))
     return Series(record.time, {"position": Channel(run["state"][:, :2], "m")})
 
 

@@ -43,7 +43,7 @@ def test_run(
         y[_LOST] = np.nan
         if observer.measurements > 1:
             y[_PARTLY, 0] = np.nan
-    return y, u, observer.run(y, u if observer.inputs else None, state=state)
+    return y, u, observer.run(y, u if observer.inputs else None, start=state)
 
 
 def _waves(columns: int, rate: float) -> Array:

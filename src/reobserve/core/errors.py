@@ -65,7 +65,7 @@ class DivergenceError(ReobserveError, ArithmeticError):
     >>> from reobserve import DivergenceError, KalmanFilter, LinearModel
     >>> kalman = KalmanFilter(LinearModel([[1e200]], C=[[1]], Q=1, R=1))
     >>> try:
-    ...     kalman.run([0.0, 0.0, 0.0], state=kalman.init([0.0], 1.0))
+    ...     kalman.run([0.0, 0.0, 0.0], start=kalman.init([0.0], 1.0))
     ... except DivergenceError as error:
     ...     print(error.what, error.time)
     KalmanFilter 0.0

@@ -51,7 +51,7 @@ def normalised(run: Run[Any]) -> tuple[Array, Array]:
     >>> from reobserve import KalmanFilter, LinearModel
     >>> from reobserve.detection import normalised
     >>> kalman = KalmanFilter(LinearModel([[1.0]], C=[[1.0]], Q=0.0, R=4.0))
-    >>> run = kalman.run([2.0, 2.0, -8.0], state=kalman.init([0.0], 0.0))
+    >>> run = kalman.run([2.0, 2.0, -8.0], start=kalman.init([0.0], 0.0))
     >>> distances, whitened = normalised(run)
     >>> print(distances, whitened[:, 0])
     [ 1.  1. 16.] [ 1.  1. -4.]
@@ -88,7 +88,7 @@ def nees(run: Run[Any], state: ArrayLike) -> Array:
     >>> from reobserve import KalmanFilter, LinearModel
     >>> from reobserve.detection import nees
     >>> kalman = KalmanFilter(LinearModel([[1.0]], C=[[1.0]], Q=0.0, R=1.0))
-    >>> run = kalman.run([1.0, 1.0], state=kalman.init([0.0], 1.0))
+    >>> run = kalman.run([1.0, 1.0], start=kalman.init([0.0], 1.0))
     >>> print(nees(run, [[1.0], [1.0]]).round(3))
     [0.5   0.333]
     """

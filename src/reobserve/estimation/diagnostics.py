@@ -177,7 +177,7 @@ def _contradicted(estimation: Estimation, y: Array, run: Any, where: str) -> lis
     design, layout = estimation.design, estimation.layout
     half = len(y) // 2
     residual, noise = design.residual(y, run.estimates), _noise_sizes(y)
-    known = design.spread(run.state) is not None
+    known = design.spread(run.end) is not None
     predicted = design.residual_variance(run.estimates) if known else None
     sentences = []
     names = layout.names[layout.timed :][: residual.shape[1]]

@@ -130,13 +130,13 @@ class Estimation:
         state = self.design.begin(np.zeros(measurements))
         y = np.full((1, measurements), np.nan if self.can_skip else 0.0)
         run = self.run(y, self.inputs.of(np.zeros((1, inputs))), state)
-        self.template = run.state
+        self.template = run.end
         return run.estimates
 
     def run(self, y: Array, u: Array, state: Any) -> Run[Any]:
         """The run of the observer over rows, smoothed if that is asked for."""
         run: Any = self.observer.run if self.whole is None else self.whole
-        result: Run[Any] = run(y, u, state=state)
+        result: Run[Any] = run(y, u, start=state)
         return result
 
     def _start_up(self, column: int) -> float:
@@ -146,7 +146,7 @@ class Estimation:
 
             def run(y: Array) -> Array:
                 state, u = self.design.begin(y[0]), self.inputs.of(np.zeros((len(y), inputs)))
-                return self.outputs.numbers(y, self.observer.run(y, u, state=state).estimates)
+                return self.outputs.numbers(y, self.observer.run(y, u, start=state).estimates)
 
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -234,7 +234,7 @@ class Estimation:
             warnings.simplefilter("always", VagueStartWarning)
             with self.dated(float(stretch.time[0]), rows):
                 run = self.run(stretch.y, stretch.u, self.state)
-        self.state = run.state
+        self.state = run.end
         self._warn_of_start(stretch.time, [doubt.message for doubt in doubts])
         if "outlier" in run:
             self.count_outliers(run["outlier"])
@@ -306,7 +306,7 @@ def _whole(observer: Observer[Any]) -> Callable[[Array, Array, Any], Run[Any]]:
 
     def run(y: Array, u: Array, state: Any) -> Run[Any]:
         crossed = [name for name in observer.keeps if name not in KEPT]
-        result = observer.run(y, u, state=state, keep=crossed)
+        result = observer.run(y, u, start=state, keep=crossed)
         smooth = rts_smoother(observer, result, u if observer.inputs else None)
         return replace(result, estimates={**result.estimates, **smooth.estimates})
 

@@ -238,7 +238,7 @@ class Design(ABC):
             state = self.start()
             with suppress(DivergenceError), np.errstate(all="ignore"), warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # zero may be no valid row
-                self.observer.run(rows, inputs if self.observer.inputs else None, state=state)
+                self.observer.run(rows, inputs if self.observer.inputs else None, start=state)
 
     def checked(self) -> Design:
         """The design, if its certificate is the one of its system and gains, and it can start.

@@ -91,7 +91,7 @@ class AugmentedKalmanFilter(LinearFilter):
     >>> from reobserve import AugmentedKalmanFilter, LinearModel
     >>> model = LinearModel([[0.9]], C=[[1]], Q=1e-4, R=1e-4)
     >>> observer = AugmentedKalmanFilter(model, fault_matrix=[[1]], random_walk=1e-3)
-    >>> run = observer.run([0, 0, 0, 0, 0.2, 0.38, 0.54, 0.69], state=observer.init([0], 0.1))
+    >>> run = observer.run([0, 0, 0, 0, 0.2, 0.38, 0.54, 0.69], start=observer.init([0], 0.1))
     >>> print(run["unknown_input"][-1, 0].round(1))
     0.2
     """

@@ -2,7 +2,7 @@
 
     state = observer.init(...)                      what it starts from
     state, estimate = observer.step(state, y, u)    one sample
-    run = observer.run(y, u, state=state)           a whole record
+    run = observer.run(y, u, start=state)           a whole record
 
 Measurements ``y`` and known inputs ``u`` of one sample stand in the same row, ``sampling_period``
 seconds after the row before; u is the input from that sample on. The estimate of a row is made
@@ -107,20 +107,20 @@ class Observer(Value, ABC, Generic[StateKind]):
     def _start(self, first: Array) -> StateKind:
         """The state where none is given, for the first row of y."""
         raise InputError(
-            "state", f"must be given: {type(self).__name__}.init says what it starts from"
+            "start", f"must be given: {type(self).__name__}.init says what it starts from"
         )
 
     def step(
-        self, state: StateKind, y: ArrayLike, u: ArrayLike | None = None, *,
+        self, start: StateKind, y: ArrayLike, u: ArrayLike | None = None, *,
         time: float | None = None,
     ) -> tuple[StateKind, Estimate]:  # fmt: skip
-        """Take one sample: the next state, and the estimates at it.
+        """Take one sample: the start of the next one, and the estimates at it.
 
         Stepping through a record gives bitwise what `run` gives.
 
         Parameters
         ----------
-        state
+        start
             From `init`, or from the sample before.
         y, u, time
             As those of `run`, without the axis of samples.
@@ -132,10 +132,10 @@ class Observer(Value, ABC, Generic[StateKind]):
         DivergenceError
             As `run`.
         """
-        return self._step_given(state, y, u, time, {})
+        return self._step_given(start, y, u, time, {})
 
     def run(
-        self, y: ArrayLike, u: ArrayLike | None = None, *, state: StateKind | None = None,
+        self, y: ArrayLike, u: ArrayLike | None = None, *, start: StateKind | None = None,
         time: ArrayLike | None = None, on_divergence: OnDivergence = "raise",
     ) -> Run[StateKind]:  # fmt: skip
         """Estimates at all samples of a record, by one compiled loop.
@@ -149,11 +149,11 @@ class Observer(Value, ABC, Generic[StateKind]):
         u
             Known inputs from each sample on, shape (k, p), or (k,); left out where there are none.
             Many records have one of these, or (records, k, p).
-        state
+        start
             From `init`, or from an earlier run or step to go on with the sample after its last.
         time
             Of the samples [s], shape (k,), or dates, a sampling period apart; left out, it counts
-            from 0 or goes on from the state.
+            from 0 or goes on from the start.
         on_divergence
             ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
 
@@ -161,11 +161,11 @@ class Observer(Value, ABC, Generic[StateKind]):
         ------
         InputError
             If a shape is wrong, a number is not finite, the times are not a sampling period apart,
-            or the state is of another observer.
+            or the start is of another observer.
         DivergenceError
             If an estimate leaves the range of floating-point numbers.
         """
-        return self._run_given(y, u, state, time, on_divergence, {})
+        return self._run_given(y, u, start, time, on_divergence, {})
 
     def _step_given(
         self, state: StateKind, y: ArrayLike, u: ArrayLike | None, time: float | None,
@@ -389,16 +389,16 @@ class IntegratingObserver(Observer[StateKind]):
     exact: ClassVar[bool] = False  # whether its steps are, so that shorter ones change nothing
 
     def step(
-        self, state: StateKind, y: ArrayLike, u: ArrayLike | None = None, *,
+        self, start: StateKind, y: ArrayLike, u: ArrayLike | None = None, *,
         time: float | None = None, before: Pair | None = None, middle: Pair | None = None,
     ) -> tuple[StateKind, Estimate]:  # fmt: skip
-        """Take one sample: the next state, and the estimates at it.
+        """Take one sample: the start of the next one, and the estimates at it.
 
         Stepping through a record gives bitwise what `run` gives.
 
         Parameters
         ----------
-        state
+        start
             From `init`, or from the sample before.
         y, u, time, before, middle
             As those of `run`, without the axis of samples.
@@ -410,10 +410,10 @@ class IntegratingObserver(Observer[StateKind]):
         DivergenceError
             As `run`.
         """
-        return self._step_given(state, y, u, time, {}, before, middle)
+        return self._step_given(start, y, u, time, {}, before, middle)
 
     def run(
-        self, y: ArrayLike, u: ArrayLike | None = None, *, state: StateKind | None = None,
+        self, y: ArrayLike, u: ArrayLike | None = None, *, start: StateKind | None = None,
         time: ArrayLike | None = None, before: Pair | None = None, middle: Pair | None = None,
         on_divergence: OnDivergence = "raise",
     ) -> Run[StateKind]:  # fmt: skip
@@ -425,11 +425,11 @@ class IntegratingObserver(Observer[StateKind]):
             Measurements, shape (k, m), and known inputs, (k, p), held or in straight lines from
             sample to sample, as the class says; (k,) where m or p is 1, u left out where p is 0.
             Frames and many records as `Observer.run` has them.
-        state
+        start
             From `init`, or from an earlier run or step to go on with the sample after its last.
         time
             Of the samples [s], shape (k,), or dates, a sampling period apart; left out, it counts
-            from 0 or goes on from the state.
+            from 0 or goes on from the start.
         before
             y and u where a record jumps at samples: their limits from the left, in their shapes.
         middle
@@ -442,12 +442,12 @@ class IntegratingObserver(Observer[StateKind]):
         ------
         InputError
             If a shape is wrong, a number is not finite, the times are not a sampling period apart,
-            or the state is of another observer.
+            or the start is of another observer.
         DivergenceError
             If an estimate leaves the range of floating-point numbers; it says whether a shorter
             step may help.
         """
-        return self._run_given(y, u, state, time, on_divergence, {}, before, middle)
+        return self._run_given(y, u, start, time, on_divergence, {}, before, middle)
 
     @abstractmethod
     def _integrate(self, state: StateKind, steps: Steps) -> Rows:

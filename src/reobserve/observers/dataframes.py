@@ -37,12 +37,12 @@ def run_other(
     run = observer._run_record(y, u, state, time, before, middle, loud, given)
     if index is None:
         return run
-    after = run.state
+    after = run.end
     if counted and run.diverged_at is None:
         after = replace(after, time=float(as_seconds("y", index[-1:])[0]))
     elif counted and start is not None:
         after = start
-    return replace(run, state=after, index=index[: len(run)])
+    return replace(run, end=after, index=index[: len(run)])
 
 
 def read_frames(

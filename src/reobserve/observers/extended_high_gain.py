@@ -119,7 +119,7 @@ class ExtendedHighGainObserver(IntegratingObserver[ExtendedHighGainState]):
     ...     lag, rho=3.0, order=1, delay_bounds=(0.0, 1.0), sampling_period=0.02
     ... )
     >>> time = 0.02 * np.arange(600)
-    >>> run = observer.run(time - 1.6, time, state=observer.init([-1.6], delay=0.3))
+    >>> run = observer.run(time - 1.6, time, start=observer.init([-1.6], delay=0.3))
     >>> print(run["delay"][-1].round(3), run["switched_off"][-1])
     0.6 0.0
     """

@@ -91,7 +91,7 @@ class FaultBank(IMM):
     ...     plant, fault_matrix=[[0.1]], drift=0.01, jump=5.0, jump_rate=0.1, jump_time=0.1
     ... )
     >>> y = np.concatenate([np.zeros(20), 1 - 0.9 ** np.arange(30)])
-    >>> run = bank.run(y, state=bank.init([0], 1e-2))
+    >>> run = bank.run(y, start=bank.init([0], 1e-2))
     >>> print(run["fault"][[20, 25, 49], 0].round(1), run["probability"][[20, 21], 1].round(1))
     [0. 1. 1.] [0. 1.]
     """

@@ -61,7 +61,7 @@ class FixedGainObserver(LinearFilter):
     >>> from reobserve import FixedGainObserver, LinearModel
     >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2, sampling_period=0.1)
     >>> observer = FixedGainObserver(model, gain=[[0.5], [1.0]])
-    >>> run = observer.run([0.0, 0.11, 0.19, 0.29], state=observer.init([0, 0]))
+    >>> run = observer.run([0.0, 0.11, 0.19, 0.29], start=observer.init([0, 0]))
     >>> print(observer.poles.round(2), run["state"][-1].round(3))
     [0.7+0.1j 0.7-0.1j] [0.221 0.373]
     """

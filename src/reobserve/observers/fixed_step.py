@@ -86,21 +86,21 @@ def run_on_halves(
     y: ArrayLike,
     u: ArrayLike | None = None,
     *,
-    state: StateKind | None = None,
+    start: StateKind | None = None,
     y_before: ArrayLike | None = None,
     u_before: ArrayLike | None = None,
     on_divergence: OnDivergence = "raise",
 ) -> Run[StateKind]:
     """A run over a record that was sampled twice a period: every second sample is in the middle.
 
-    A record that starts begins with a row; one that goes on from a state with its middle. Without
+    A record that starts begins with a row; one that goes on from a start with its middle. Without
     ``y_before`` and ``u_before``, limits from the left, it does not jump.
     """
-    begun = 1 if state is None or state.sample is None else 0  # rows that no step leads to
+    begun = 1 if start is None or start.sample is None else 0  # rows that no step leads to
     y_rows, y_middle, y_left = _halves("y", y, y_before, begun)
     u_rows, u_middle, u_left = (None, None, None) if u is None else _halves("u", u, u_before, begun)
     return observer.run(
-        y_rows, u_rows, state=state, before=(y_left, u_left), middle=(y_middle, u_middle),
+        y_rows, u_rows, start=start, before=(y_left, u_left), middle=(y_middle, u_middle),
         on_divergence=on_divergence,
     )  # fmt: skip
 

@@ -561,7 +561,7 @@ class GaussianFilter(Observer[KalmanState]):
             return state  # type: ignore[no-any-return]
         given = check_state(state, KalmanState, "")
         n, p, m = self._sizes
-        posterior = check_posterior("state.posterior", given.posterior, n, m)
+        posterior = check_posterior("start.posterior", given.posterior, n, m)
         sample = check_sample(given.sample, m, p)
         noise = check_noise(given.noise, self.noise_memory is not None, m)
         held = check_held(given.held, self)

@@ -245,7 +245,7 @@ def check_posterior(name: str, posterior: Gaussian, states: int, outputs: int) -
     )  # fmt: skip
 
 
-def check_held(held: Any, observer: Any, name: str = "state.held") -> Matrices | None:
+def check_held(held: Any, observer: Any, name: str = "start.held") -> Matrices | None:
     """Check what a state holds by name, as a filter takes it: loops would read beyond its end."""
     if held is None:
         return None
@@ -275,13 +275,13 @@ def check_noise(value: Any, learned: bool, outputs: int) -> Array | None:
     """The variances of R in a state, which only a filter that estimates them has."""
     if not learned:
         if value is not None:
-            raise InputError("state.noise", "is of a filter with noise_memory, which this has not")
+            raise InputError("start.noise", "is of a filter with noise_memory, which this has not")
         return None
     if value is None:
-        raise InputError("state.noise", "is missing: the state is of a filter without noise_memory")
-    variances = as_numbers("state.noise", value, writable=False)
+        raise InputError("start.noise", "is missing: the state is of a filter without noise_memory")
+    variances = as_numbers("start.noise", value, writable=False)
     if variances.shape != (outputs,) or not all_finite(variances) or variances.min() <= 0:
-        raise InputError("state.noise", f"{shown(value)} must be {outputs} numbers above zero")
+        raise InputError("start.noise", f"{shown(value)} must be {outputs} numbers above zero")
     return variances
 
 
@@ -289,10 +289,10 @@ def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:
     """The sample of a state: y, of which any may be nan, and u."""
     if value is None:
         return None
-    sample = as_numbers("state.sample", value, writable=False)
+    sample = as_numbers("start.sample", value, writable=False)
     if sample.shape != (outputs + inputs,) or not all_finite(sample[outputs:]):
         problem = f"{shown(value)} must be {outputs} measurements and {inputs} finite inputs"
-        raise InputError("state.sample", problem)
+        raise InputError("start.sample", problem)
     return sample
 
 

@@ -67,7 +67,7 @@ class GridFilter(IMM):
     >>> x = np.zeros(100)
     >>> for k in range(99):
     ...     x[k + 1] = plant.A[0, 0] * x[k] + plant.B[0, 0] * u[max(k - 3, 0)]
-    >>> run = grid.run(x, u, state=grid.init([0], 1e-2))
+    >>> run = grid.run(x, u, start=grid.init([0], 1e-2))
     >>> print(run["parameter"][-1].round(2))
     0.3
     """
@@ -204,14 +204,14 @@ class GridFilter(IMM):
         checked = super()._checked(state)
         if checked.past is not None:
             deepest = 0 if self.periods_late is None else int(self.periods_late.max()) + 1
-            past = as_numbers("state.past", checked.past, writable=False)
+            past = as_numbers("start.past", checked.past, writable=False)
             if past.shape != (deepest, self.inputs) or not all_finite(past):
                 problem = f"has shape {past.shape}, must be {deepest} rows of finite inputs"
-                raise InputError("state.past", problem)
+                raise InputError("start.past", problem)
         elif self.periods_late is not None and (
             checked.count or (checked.sample is not None and not np.isnan(checked.sample[0]))
         ):
-            raise InputError("state.past", "is missing: the state is of no filter of a delay")
+            raise InputError("start.past", "is missing: the state is of no filter of a delay")
         return checked
 
     def _uneven(self, time: ArrayLike | None, state: ImmState, record: Record) -> None:

@@ -86,7 +86,7 @@ class HighGainObserver(IntegratingObserver[HighGainState]):
     >>> lag = triangular_model(["x"], drift=["-x"], input_gain="1")
     >>> observer = HighGainObserver(lag, rho=5.0, sampling_period=0.02)
     >>> time = 0.02 * np.arange(100)
-    >>> run = observer.run(time - 1, time, state=observer.init([0.0]))  # x = t - 1 for u = t
+    >>> run = observer.run(time - 1, time, start=observer.init([0.0]))  # x = t - 1 for u = t
     >>> print(time[-1], run["state"][-1].round(3))
     1.98 [0.978]
     """

@@ -502,7 +502,7 @@ class IMM(Observer[ImmState]):
     >>> from reobserve import IMM, KalmanFilter, LinearModel
     >>> models = [LinearModel([[a]], C=[[1]], Q=1e-4, R=1e-2) for a in (0.9, 0.5)]
     >>> bank = IMM([KalmanFilter(one) for one in models], [[0.99, 0.01], [0.01, 0.99]])
-    >>> run = bank.run([1.0, 0.9, 0.8, 0.4, 0.2, 0.1], state=bank.init([1.0], 0.1))
+    >>> run = bank.run([1.0, 0.9, 0.8, 0.4, 0.2, 0.1], start=bank.init([1.0], 0.1))
     >>> print(run["probability"][[2, 5]].round(2))
     [[1.   0.  ]
      [0.01 0.99]]
@@ -563,18 +563,18 @@ class IMM(Observer[ImmState]):
         raise refused
 
     def step(
-        self, state: ImmState, y: ArrayLike, u: ArrayLike | None = None, *,
+        self, start: ImmState, y: ArrayLike, u: ArrayLike | None = None, *,
         time: float | None = None, A: ArrayLike | None = None, B: ArrayLike | None = None,
         C: ArrayLike | None = None, D: ArrayLike | None = None, Q: ArrayLike | None = None,
         R: ArrayLike | None = None, S: ArrayLike | None = None,
     ) -> tuple[ImmState, Estimate]:  # fmt: skip
-        """Take one row: the next state, and the estimates at it.
+        """Take one row: the start of the next one, and the estimates at it.
 
         Stepping through a record gives bitwise what `run` gives.
 
         Parameters
         ----------
-        state
+        start
             From `init`, or from the row before.
         y, u, time, A, B, C, D, Q, R, S
             As those of `run`, without the axis of rows.
@@ -587,10 +587,10 @@ class IMM(Observer[ImmState]):
             As `run`.
         """
         given = {"A": A, "B": B, "C": C, "D": D, "Q": Q, "R": R, "S": S}
-        return self._step_given(state, y, u, time, given)
+        return self._step_given(start, y, u, time, given)
 
     def run(
-        self, y: ArrayLike, u: ArrayLike | None = None, *, state: ImmState | None = None,
+        self, y: ArrayLike, u: ArrayLike | None = None, *, start: ImmState | None = None,
         time: ArrayLike | None = None, A: ArrayLike | None = None, B: ArrayLike | None = None,
         C: ArrayLike | None = None, D: ArrayLike | None = None, Q: ArrayLike | None = None,
         R: ArrayLike | None = None, S: ArrayLike | None = None,
@@ -604,7 +604,7 @@ class IMM(Observer[ImmState]):
             Measurements, shape (k, m), nan where missing, and known inputs, (k, p), from each row
             on; (k,) where m or p is 1, u left out where p is 0. Frames with the names of the
             model's signals, and many records, (records, k, m).
-        state
+        start
             From `init`, or from an earlier run or step to go on with the row after its last.
         time
             Of the rows [s], shape (k,), or dates; left out, a sampling period apart. Of models from
@@ -618,7 +618,7 @@ class IMM(Observer[ImmState]):
         Raises
         ------
         InputError
-            If a shape is wrong, a number is not finite, times do not fit, or the state is of
+            If a shape is wrong, a number is not finite, times do not fit, or the start is of
             another filter.
         DivergenceError
             If an estimate leaves the range of floating-point numbers, or rounding makes a variance
@@ -629,12 +629,12 @@ class IMM(Observer[ImmState]):
         >>> from reobserve import IMM, KalmanFilter, LinearModel
         >>> models = [LinearModel([[a]], C=[[1]], Q=1e-4, R=1e-2) for a in (0.9, 0.5)]
         >>> bank = IMM([KalmanFilter(one) for one in models], [[0.99, 0.01], [0.01, 0.99]])
-        >>> run = bank.run([1.0, 0.9, 0.4], state=bank.init([1.0], 0.1), R=1e-4)
+        >>> run = bank.run([1.0, 0.9, 0.4], start=bank.init([1.0], 0.1), R=1e-4)
         >>> print(run["probability"][-1].round(2))
         [0. 1.]
         """
         given = {"A": A, "B": B, "C": C, "D": D, "Q": Q, "R": R, "S": S}
-        return self._run_given(y, u, state, time, on_divergence, given)
+        return self._run_given(y, u, start, time, on_divergence, given)
 
     @cached_property
     def _sizes(self) -> tuple[int, int, int, int]:
@@ -746,17 +746,17 @@ class IMM(Observer[ImmState]):
             f"states and {m} outputs",
             means=(r, n), covariances=(r, n, n), errors=(r, m),
         )  # fmt: skip
-        logarithms = as_numbers("state.log_probabilities", given.log_probabilities, writable=False)
+        logarithms = as_numbers("start.log_probabilities", given.log_probabilities, writable=False)
         if logarithms.shape != (r,) or np.isnan(logarithms).any() or logarithms.max() == -np.inf:
-            raise InputError("state.log_probabilities", f"must be {r} logarithms of probabilities")
+            raise InputError("start.log_probabilities", f"must be {r} logarithms of probabilities")
         sample = check_sample(given.sample, m, inputs)
         held: Any = given.held
         if held is not None:
             modes = self._linear
             if type(held) is not tuple or len(held) != len(modes):
-                raise InputError("state.held", f"{shown(held)} must be of {len(modes)} filters")
+                raise InputError("start.held", f"{shown(held)} must be of {len(modes)} filters")
             held = tuple(
-                check_held(matrices, mode, f"state.held[{j}]") or {}
+                check_held(matrices, mode, f"start.held[{j}]") or {}
                 for j, (matrices, mode) in enumerate(zip(held, modes, strict=True))
             )
         noise = check_noise(given.noise, self.noise_memory is not None, m)

@@ -937,19 +937,19 @@ class LinearFilter(GaussianFilter):
     takes: ClassVar[tuple[str, ...]] = TAKES
 
     def step(
-        self, state: KalmanState, y: ArrayLike, u: ArrayLike | None = None, *,
+        self, start: KalmanState, y: ArrayLike, u: ArrayLike | None = None, *,
         time: float | None = None, A: ArrayLike | None = None, B: ArrayLike | None = None,
         C: ArrayLike | None = None, D: ArrayLike | None = None, Q: ArrayLike | None = None,
         R: ArrayLike | None = None, S: ArrayLike | None = None,
         keep: str | Sequence[str] | None = None,
     ) -> tuple[KalmanState, Estimate]:  # fmt: skip
-        """Take one row: the next state, and the estimates at it.
+        """Take one row: the start of the next one, and the estimates at it.
 
         Stepping through a record gives bitwise what `run` gives.
 
         Parameters
         ----------
-        state
+        start
             From `init`, or from the row before.
         y, u, time, A, B, C, D, Q, R, S, keep
             As those of `run`, without the axis of rows.
@@ -962,10 +962,10 @@ class LinearFilter(GaussianFilter):
             As `run`.
         """
         given = {"A": A, "B": B, "C": C, "D": D, "Q": Q, "R": R, "S": S, "keep": keep}
-        return self._step_given(state, y, u, time, given)
+        return self._step_given(start, y, u, time, given)
 
     def run(
-        self, y: ArrayLike, u: ArrayLike | None = None, *, state: KalmanState | None = None,
+        self, y: ArrayLike, u: ArrayLike | None = None, *, start: KalmanState | None = None,
         time: ArrayLike | None = None, A: ArrayLike | None = None, B: ArrayLike | None = None,
         C: ArrayLike | None = None, D: ArrayLike | None = None, Q: ArrayLike | None = None,
         R: ArrayLike | None = None, S: ArrayLike | None = None,
@@ -979,7 +979,7 @@ class LinearFilter(GaussianFilter):
             Measurements, shape (k, m), nan where missing, and known inputs, (k, p), from each row
             on; (k,) where m or p is 1, u left out where p is 0. Frames with the names of the
             model's signals, and many records, (records, k, m).
-        state
+        start
             From `init`, or from an earlier run or step to go on with the row after its last.
         time
             Of the rows [s], shape (k,), or dates; left out, a sampling period apart. Of a model
@@ -999,7 +999,7 @@ class LinearFilter(GaussianFilter):
         Raises
         ------
         InputError
-            If a shape is wrong, a number is not finite, times do not fit, or the state is of
+            If a shape is wrong, a number is not finite, times do not fit, or the start is of
             another filter.
         DivergenceError
             If an estimate leaves the range of floating-point numbers, or rounding makes a variance
@@ -1011,12 +1011,12 @@ class LinearFilter(GaussianFilter):
         >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2, sampling_period=0.1)
         >>> kalman = KalmanFilter(model)
         >>> start = kalman.init([0, 0], 1.0)
-        >>> noisy = kalman.run([0.0, 0.11, 0.29], state=start, R=[[[1e-2]], [[1.0]], [[1e-2]]])
+        >>> noisy = kalman.run([0.0, 0.11, 0.29], start=start, R=[[[1e-2]], [[1.0]], [[1e-2]]])
         >>> print(noisy["innovation_covariance"][1, 0, 0].round(3), noisy["state"][-1].round(2))
         1.02 [0.24 0.97]
         """
         given = {"A": A, "B": B, "C": C, "D": D, "Q": Q, "R": R, "S": S, "keep": keep}
-        return self._run_given(y, u, state, time, on_divergence, given)
+        return self._run_given(y, u, start, time, on_divergence, given)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -1061,7 +1061,7 @@ class KalmanFilter(LinearFilter):
     >>> from reobserve import KalmanFilter, LinearModel
     >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2, sampling_period=0.1)
     >>> kalman = KalmanFilter(model)
-    >>> run = kalman.run([0.0, 0.11, float("nan"), 0.29], state=kalman.init([0, 0], 1.0))
+    >>> run = kalman.run([0.0, 0.11, float("nan"), 0.29], start=kalman.init([0, 0], 1.0))
     >>> print(run["state"][-1].round(2), run["variance"][-1].round(3))
     [0.26 0.79] [0.008 0.178]
     """

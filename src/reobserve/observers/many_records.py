@@ -49,7 +49,7 @@ def run_many(
     count, alone = len(y), u is None or depth_of(u) < 3
     if not count:
         raise InputError("y", "has no record, must have one or more")
-    for name, each in (("u", u if not alone else y), ("state", state)):
+    for name, each in (("u", u if not alone else y), ("start", state)):
         if isinstance(each, list | tuple | np.ndarray) and len(each) != count:
             raise InputError(name, f"is of {len(each)} records, must be of {count} like y")
     records: list[Record] = []
@@ -62,7 +62,7 @@ def run_many(
             start = observer._start(record.y[0]) if start is None else observer._checked(start)
             own, record = observer._timed(time, start, record)
             if records and not np.array_equal(own[0], times[0]):
-                raise InputError("state", "is at another time than that of record 0")
+                raise InputError("start", "is at another time than that of record 0")
             times = own
             if records and len(record.y) != len(records[0].y):
                 problem = f"has {len(record.y)} rows, must have {len(records[0].y)} like record 0"

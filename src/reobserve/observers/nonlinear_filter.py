@@ -753,18 +753,18 @@ class NonlinearFilter(GaussianFilter):
     takes: ClassVar[tuple[str, ...]] = TAKES
 
     def step(
-        self, state: KalmanState, y: ArrayLike, u: ArrayLike | None = None, *,
+        self, start: KalmanState, y: ArrayLike, u: ArrayLike | None = None, *,
         time: float | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
         parameters: Mapping[str, ArrayLike] | None = None, dt: float | None = None,
         keep: str | Sequence[str] | None = None,
     ) -> tuple[KalmanState, Estimate]:  # fmt: skip
-        """Take one row: the next state, and the estimates at it.
+        """Take one row: the start of the next one, and the estimates at it.
 
         Stepping through a record gives bitwise what `run` gives.
 
         Parameters
         ----------
-        state
+        start
             From `init`, or from the row before.
         y, u, time, Q, R, parameters, dt, keep
             As those of `run`, without the axis of rows.
@@ -777,10 +777,10 @@ class NonlinearFilter(GaussianFilter):
             As `run`.
         """
         given = {"Q": Q, "R": R, "parameters": parameters, "dt": dt, "keep": keep}
-        return self._step_given(state, y, u, time, given)
+        return self._step_given(start, y, u, time, given)
 
     def run(
-        self, y: ArrayLike, u: ArrayLike | None = None, *, state: KalmanState | None = None,
+        self, y: ArrayLike, u: ArrayLike | None = None, *, start: KalmanState | None = None,
         time: ArrayLike | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
         parameters: Mapping[str, ArrayLike] | None = None, dt: ArrayLike | None = None,
         keep: str | Sequence[str] | None = None, on_divergence: OnDivergence = "raise",
@@ -793,7 +793,7 @@ class NonlinearFilter(GaussianFilter):
             Measurements, shape (k, m), nan where missing, and known inputs, (k, p), from each row
             on; (k,) where m or p is 1, u left out where p is 0. Frames with the names of the
             model's signals, and many records, (records, k, m).
-        state
+        start
             From `init`, or from an earlier run or step to go on with the row after its last.
         time
             Of the rows [s], shape (k,), or dates; left out, a sampling period apart. Of a model
@@ -816,7 +816,7 @@ class NonlinearFilter(GaussianFilter):
         Raises
         ------
         InputError
-            If a shape is wrong, a number is not finite, times do not fit, or the state is of
+            If a shape is wrong, a number is not finite, times do not fit, or the start is of
             another filter.
         DivergenceError
             If an estimate leaves the range of floating-point numbers, or rounding makes a variance
@@ -831,12 +831,12 @@ class NonlinearFilter(GaussianFilter):
         ... )
         >>> observer = ExtendedKalmanFilter(pendulum)
         >>> start = observer.init([0.3, 0.0], 0.01)
-        >>> run = observer.run([0.3, 0.285, 0.243], state=start, parameters={"g": 9.0})
+        >>> run = observer.run([0.3, 0.285, 0.243], start=start, parameters={"g": 9.0})
         >>> print(run["state_angle"][-1].round(3))
         0.244
         """
         given = {"Q": Q, "R": R, "parameters": parameters, "dt": dt, "keep": keep}
-        return self._run_given(y, u, state, time, on_divergence, given)
+        return self._run_given(y, u, start, time, on_divergence, given)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -875,7 +875,7 @@ class ExtendedKalmanFilter(NonlinearFilter):
     ...     state_names=["angle", "rate"], sampling_period=0.1,
     ... )
     >>> observer = ExtendedKalmanFilter(pendulum)
-    >>> run = observer.run([0.3, 0.285, 0.243, 0.178, 0.095, 0.003], state=observer.init([0, 0], 1))
+    >>> run = observer.run([0.3, 0.285, 0.243, 0.178, 0.095, 0.003], start=observer.init([0, 0], 1))
     >>> print(run["state_rate"][-1].round(2))
     -0.94
     """
@@ -936,7 +936,7 @@ class UnscentedKalmanFilter(NonlinearFilter):
     ...     state_names=["angle", "rate"], sampling_period=0.1,
     ... )
     >>> observer = UnscentedKalmanFilter(pendulum)
-    >>> run = observer.run([0.3, 0.285, 0.243, 0.178, 0.095, 0.003], state=observer.init([0, 0], 1))
+    >>> run = observer.run([0.3, 0.285, 0.243, 0.178, 0.095, 0.003], start=observer.init([0, 0], 1))
     >>> print(run["state_rate"][-1].round(2))
     -0.94
     """

@@ -119,7 +119,7 @@ def depth_of(value: Any) -> int:
 
 
 def check_state(
-    state: Any, kind: type[AnyState], problem: str, name: str = "state", **shapes: tuple[int, ...]
+    state: Any, kind: type[AnyState], problem: str, name: str = "start", **shapes: tuple[int, ...]
 ) -> AnyState:
     """A state whose arrays have these shapes, as compiled loops take them.
 

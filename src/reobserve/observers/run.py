@@ -64,7 +64,7 @@ class Run(Generic[StateKind]):
     empty where the observer has no names. ``before`` holds limits from the left of estimates that
     jump at samples. ``missing`` counts samples that were not taken. ``diverged_at`` is None, or
     the time [s] after which an estimate left the range of floating-point numbers; then k counts
-    the rows up to it. ``state`` is the one to go on from, or after a divergence the one that the
+    the rows up to it. ``end`` is the state to go on from, or after a divergence the one that the
     run started from. ``component_names`` name the components of estimates, a tuple for each axis,
     where the model names its signals; an axis without names is None. ``run["state_position"]`` is
     the component of that name. ``index`` is that of the frame of measurements, if it is of times.
@@ -79,7 +79,7 @@ class Run(Generic[StateKind]):
     >>> from reobserve import KalmanFilter, LinearModel
     >>> model = LinearModel([[0.9]], C=[[1]], Q=1e-4, R=1e-2, state_names=["level"])
     >>> kalman = KalmanFilter(model)
-    >>> run = kalman.run([1.0, 0.9, 0.8], state=kalman.init([1.0], 0.1))
+    >>> run = kalman.run([1.0, 0.9, 0.8], start=kalman.init([1.0], 0.1))
     >>> print(len(run), "variance" in run, run["state_level"].round(3))
     3 True [1.    0.9   0.807]
     """
@@ -87,7 +87,7 @@ class Run(Generic[StateKind]):
     time: Array
     estimates: Mapping[str, Array]
     units: Mapping[str, str]
-    state: StateKind
+    end: StateKind
     diverged_at: Any = None
     before: Mapping[str, Array] = field(default_factory=dict)
     missing: Any = 0
@@ -124,7 +124,7 @@ class Run(Generic[StateKind]):
         InputError
             If it is a run of one record, or there is no such record.
         """
-        states: Any = self.state
+        states: Any = self.end
         count = len(states) if type(states) is tuple else 0
         whole = isinstance(number, int | np.integer) and not isinstance(number, bool)
         if not whole or not 0 <= number < count:
@@ -154,7 +154,7 @@ class Run(Generic[StateKind]):
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{name} {self[name].shape[1:]}" for name in self.estimates)
-        states: Any = self.state
+        states: Any = self.end
         if type(states) is tuple:
             records = len(states)
             return f"Run of {records} records of {len(self)} samples: {', '.join(self)}"
@@ -162,7 +162,7 @@ class Run(Generic[StateKind]):
         return f"Run of {len(self)} samples: {listed}{ending}"
 
     def _refuse_many(self) -> None:
-        if type(self.state) is tuple:
+        if type(self.end) is tuple:
             raise InputError("run", "is of many records; take one of them, run.record(0)")
 
     def labels(self, name: str, index: tuple[int, ...]) -> list[str]:

@@ -72,7 +72,7 @@ class SmoothVariableStructureFilter(LinearFilter):
     >>> from reobserve import LinearModel, SmoothVariableStructureFilter
     >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2, sampling_period=0.1)
     >>> svsf = SmoothVariableStructureFilter(model, boundary_layer=0.5, convergence_rate=0.1)
-    >>> run = svsf.run([0.0, 0.11, 0.19, 0.29], state=svsf.init([0.2, 1.0], 1.0))
+    >>> run = svsf.run([0.0, 0.11, 0.19, 0.29], start=svsf.init([0.2, 1.0], 1.0))
     >>> print(run["state"][-1].round(3))
     [0.356 1.   ]
     """

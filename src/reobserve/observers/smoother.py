@@ -93,7 +93,7 @@ def rts_smoother(
     >>> from reobserve import KalmanFilter, LinearModel, rts_smoother
     >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2)
     >>> kalman = KalmanFilter(model)
-    >>> run = kalman.run([0.02, 0.11, 0.19, 0.29], state=kalman.init([0, 0], 1.0))
+    >>> run = kalman.run([0.02, 0.11, 0.19, 0.29], start=kalman.init([0, 0], 1.0))
     >>> smoothed = rts_smoother(kalman, run)
     >>> print(run["variance"][0, 1].round(2), smoothed["variance"][0, 1].round(2))
     1.0 0.17
@@ -151,7 +151,7 @@ def rts_smoother(
     warn_of_smoothed(*(P.diagonal(axis1=1, axis2=2) for P in (covariances, smooth_covariances)))
     estimates = _by_name(filter, smooth_means, smooth_covariances)
     return Run(
-        run.time, estimates, dict.fromkeys(estimates, ""), run.state, run.diverged_at,
+        run.time, estimates, dict.fromkeys(estimates, ""), run.end, run.diverged_at,
         missing=run.missing, component_names=filter.component_names, index=run.index,
         periods=run.periods,
     )  # fmt: skip
@@ -165,10 +165,10 @@ def _filtered(filter: GaussianFilter, run: Any) -> tuple[Array, Array]:  # noqa:
         q = whole - n
         wanted |= {"unknown_input": (q,), "unknown_input_covariance": (q, q), CROSS: (n, q)}
     k = len(run) if isinstance(run, Run) else 0
-    if k and type(run.state) is tuple:
+    if k and type(run.end) is tuple:
         raise InputError("run", "is of many records; take one of them, run.record(0)")
-    if k and not isinstance(run.state, KalmanState):
-        raise InputError("run", f"ends in {shown(run.state)}, must be a run of the filter")
+    if k and not isinstance(run.end, KalmanState):
+        raise InputError("run", f"ends in {shown(run.end)}, must be a run of the filter")
     for name, shape in wanted.items():
         if not k or name not in run.estimates or run[name].shape != (k, *shape):
             problem = (
@@ -187,7 +187,7 @@ def _filtered(filter: GaussianFilter, run: Any) -> tuple[Array, Array]:  # noqa:
 
 def _check_given(run: Run[Any], given: dict[str, Any]) -> None:
     """Refuse to smooth a run without what was given to it."""
-    for held in run.state.held or {}:
+    for held in run.end.held or {}:
         name = "S" if held in TakenOut._fields else held
         if name not in given:
             raise InputError(name, "is left out, but was given to the run; give the same here")
@@ -195,7 +195,7 @@ def _check_given(run: Run[Any], given: dict[str, Any]) -> None:
 
 def _periods(filter: GaussianFilter, run: Run[Any], given: dict[str, Any]) -> Array | None:  # noqa: A002
     """The times that lead to each row, where they differ."""
-    if run.state.time is None:
+    if run.end.time is None:
         return None
     period = filter.sampling_period
     periods = np.concatenate([[period], np.diff(run.time)])

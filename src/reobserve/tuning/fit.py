@@ -231,7 +231,7 @@ class _Likelihood:
             raise _MisuseError("make", problem)
         total, measured = 0.0, 0
         for arguments in self.runs:
-            run = observer.run(state=state, **arguments)
+            run = observer.run(start=state, **arguments)
             if "log_likelihood" not in run:
                 problem = f"returned a {type(observer).__name__}, which has no log_likelihood"
                 raise _MisuseError("make", problem)

@@ -92,7 +92,7 @@ def _collect(estimation: Estimation, stretches: list[Stretch]) -> None:
 def _total(tuned: TunedSpecification, values: Settings, records: Sequence[dict[str, Any]]) -> float:
     """The log-likelihood of records with the numbers as they are stated."""
     design = tuned.design(values)
-    runs = [design.observer.run(state=design.start(), **record) for record in records]
+    runs = [design.observer.run(start=design.start(), **record) for record in records]
     return float(sum(run["log_likelihood"].sum() for run in runs))
 
 

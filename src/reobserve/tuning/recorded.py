@@ -347,7 +347,7 @@ def _check_predictions(tuned: TunedSpecification, first: TunedSpecification, rec
     last = []
     for y_last in (y[-1], y[-1] + 1.0):
         y[-1] = y_last
-        run = estimation.observer.run(y, u, state=estimation.design.begin(y[0]))
+        run = estimation.observer.run(y, u, start=estimation.design.begin(y[0]))
         last.append(estimation.design.residual(y, run.estimates)[-1])
     if not np.allclose(last[1] - last[0], 1.0):
         problem = "predicts no measurement from those before it, so there must be a reference"

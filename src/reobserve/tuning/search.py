@@ -158,7 +158,7 @@ def tune(
     >>> from reobserve import FixedGainObserver, LinearModel, tune
     >>> model = LinearModel([[1.0]], C=[[1]], Q=0, R=1)
     >>> def score(observer, record):
-    ...     run = observer.run(record, state=observer.init([0]))
+    ...     run = observer.run(record, start=observer.init([0]))
     ...     return float(np.sqrt(np.mean(run["state"] ** 2)))
     >>> records = np.random.default_rng(1).standard_normal((8, 100))  # noise, of a truth of zero
     >>> found = tune(lambda settings: FixedGainObserver(model, gain=[[settings["gain"]]]),

@@ -21,7 +21,7 @@ for name in reobserve.__all__:
 walk = reobserve.LinearModel([[1.0]], [[0.0]], C=[[1.0]], Q=1.0, R=1.0, sampling_period=1.0)
 observer = reobserve.steady_kalman(walk)
 golden = (np.sqrt(5) - 1) / 2  # the gain is golden
-run = observer.run(np.ones((9, 1)), np.zeros((9, 1)), state=observer.init([0.0]))
+run = observer.run(np.ones((9, 1)), np.zeros((9, 1)), start=observer.init([0.0]))
 assert np.allclose(1 - run["state"][:, 0], (1 - golden) ** np.arange(1, 10))
 for words in (["--help"], ["estimate", "--help"], ["design", "--help"], ["tune", "--help"]):
     with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):

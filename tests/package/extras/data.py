@@ -22,5 +22,5 @@ with Path("measured/tune.yaml").open("a", encoding="utf-8") as stream:
 assert main(["tune", "measured/tune.yaml", "--output", "tuned"]) == 0
 walk = LinearModel([[1.0]], [[0.0]], C=[[1.0]], Q=1.0, R=1.0, sampling_period=1.0)
 kalman = steady_kalman(walk)
-run = kalman.run(np.ones((9, 1)), np.zeros((9, 1)), state=kalman.init([0.0]))
+run = kalman.run(np.ones((9, 1)), np.zeros((9, 1)), start=kalman.init([0.0]))
 assert len(run.to_pandas()) == 9

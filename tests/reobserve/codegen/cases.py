@@ -82,7 +82,7 @@ def faults() -> Made:
         output_fault_matrix=[[0.0, 0.0], [0.0, 1.0]], gate=3.0, noise_memory=50.0,
     )  # fmt: skip
     y, u = 0.2 * np.sin(np.arange(16.0)).reshape(8, 2), np.ones((8, 1))
-    return made, made.run(y, u, state=made.init([0, 0, 0], 1.0)).state
+    return made, made.run(y, u, start=made.init([0, 0, 0], 1.0)).end
 
 
 def delays(walk: float) -> Made:
@@ -98,7 +98,7 @@ def delays(walk: float) -> Made:
     if not walk:
         return made, state
     u = np.sin(np.arange(16.0)).reshape(8, 2)
-    return made, made.run(u[:, 0], u, state=state).state
+    return made, made.run(u[:, 0], u, start=state).end
 
 
 def parameter() -> Made:
@@ -147,7 +147,7 @@ def turning(kind: Any, **chosen: Any) -> Made:
     )  # fmt: skip
     made = kind(model, **chosen)
     y = np.array([0.3, np.nan, 0.28, 0.31])
-    return made, made.run(y, state=made.init([0.2, 0.1, 0.1], 0.1)).state
+    return made, made.run(y, start=made.init([0.2, 0.1, 0.1], 0.1)).end
 
 
 def switching(inverse: str, factor: float = 1.0) -> SmoothVariableStructureFilter:
@@ -163,7 +163,7 @@ def started(made: Any, *values: float) -> Made:
 def gone_on(made: Any) -> Made:
     """A state in the middle of a record."""
     y = 0.2 * np.sin(np.arange(24.0)).reshape(8, 3)
-    return made, made.run(y, 3 * y).state
+    return made, made.run(y, 3 * y).end
 
 
 def pendulum(**chosen: Any) -> Any:
@@ -179,7 +179,7 @@ def high_gain() -> Made:
     model = triangular_model(["a", "w", "s"], drift, "2**(1/2) - exp(-a)/10")
     made = HighGainObserver(model, rho=6.0, sampling_period=0.01)
     y, u = (0.1 + 0.05 * np.sin(k * np.arange(8.0))[:, None] for k in (1.0, 2.0))
-    return made, made.run(y, u, state=made.init([0.1, 0.2, 0.0])).state
+    return made, made.run(y, u, start=made.init([0.1, 0.2, 0.0])).end
 
 
 def adaptive() -> AdaptiveObserver:
@@ -196,7 +196,7 @@ def extended_state() -> Made:
     """In the middle of a record."""
     made = eso()
     y, u = 0.2 * np.sin(np.arange(1.0, 17.0)).reshape(8, 2), np.ones((8, 1))
-    return made, made.run(y, u).state
+    return made, made.run(y, u).end
 
 
 def extended(*, begun: bool = False, **chosen: Any) -> Made:
@@ -207,7 +207,7 @@ def extended(*, begun: bool = False, **chosen: Any) -> Made:
     state = made.init([0.3, 0.0], delay=0.2)
     if begun:
         y, u = (0.1 * np.sin(k * np.arange(8.0))[:, None] for k in (0.1, 0.2))
-        state = made.run(y, u, state=state).state
+        state = made.run(y, u, start=state).end
     return made, state
 
 
@@ -218,7 +218,7 @@ def alone() -> Made:
         model, rho=5.0, order=3, delay_bounds=(0.0, 0.5), threshold=0.05, sampling_period=0.05
     )
     y, u = (0.1 * np.sin(rate * np.arange(-3.0, 0.0))[:, None] for rate in (0.21, 0.13))
-    return made, made.run(y, u, state=made.init([0.0], delay=0.2)).state
+    return made, made.run(y, u, start=made.init([0.0], delay=0.2)).end
 
 
 FACTORS = (1.0, 0.8, 0.5)

@@ -52,7 +52,7 @@ def write(name: str, folder: Path) -> tuple[Any, Any, Any, Any]:
     assert np.all(u[0])
     stepped, expected = state, {each: run[each] for each in program.estimates}
     if stepped is None:
-        stepped = observer.run(y[:1], u[:1] if observer.inputs else None).state
+        stepped = observer.run(y[:1], u[:1] if observer.inputs else None).end
         rows = range(1, len(y))
     else:
         rows = range(len(y))
@@ -79,7 +79,7 @@ def test_each_observer_is_tested_with_each_start_that_it_takes() -> None:
         assert (kind, False) in starts, kind
         if (kind, True) not in starts:
             p, m = observer.measurements, observer.inputs
-            with pytest.raises(InputError, match=r"^state: must be given"):
+            with pytest.raises(InputError, match=r"^start: must be given"):
                 observer.run(np.ones((2, p)), np.ones((2, m)) if m else None)
 
 
@@ -162,7 +162,7 @@ def test_generated_c_test_detects_a_changed_digit(folder: Path) -> None:
     assert ran(folder, *command, "-o", "off").returncode == 0
     tested = ran(folder, "./off")
     assert tested.returncode == 1
-    assert "state: off by" in tested.stdout
+    assert "start: off by" in tested.stdout
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
@@ -235,5 +235,5 @@ def test_observer_without_fixed_steps_is_refused_with_the_reason() -> None:
         program_of(cases_of_text, cases_of_text.init([0.0]))
     with pytest.raises(InputError, match="the gain composed cannot be exported, only series"):
         program_of(cases.pendulum(order=3, gain="composed"))
-    with pytest.raises(InputError, match="state: must be given"):
+    with pytest.raises(InputError, match="start: must be given"):
         program_of(observer_of("kalman")[0])

@@ -39,7 +39,7 @@ runs = {
 }
 for name, (filter, rows, size) in runs.items():
     state = filter.init(np.zeros(size), 1.0)
-    filter.run(rows[..., :3, :], state=state)
+    filter.run(rows[..., :3, :], start=state)
     sent = []
 
     def send():
@@ -48,7 +48,7 @@ for name, (filter, rows, size) in runs.items():
 
     threading.Timer(0.2, send).start()
     try:
-        filter.run(rows, state=state)
+        filter.run(rows, start=state)
         late = "never"
     except KeyboardInterrupt:
         late = time.monotonic() - sent[0]
@@ -87,12 +87,12 @@ def test_handler_that_raises_nothing_changes_no_bit() -> None:
     before = signal.signal(signal.SIGALRM, lambda *_: called.append(time.monotonic()))
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.005, 0.005)
-        disturbed = kalman.run(y, state=state)
+        disturbed = kalman.run(y, start=state)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
-    left = kalman.run(y[:300], state=state)
-    right = kalman.run(y[300:], state=left.state)
+    left = kalman.run(y[:300], start=state)
+    right = kalman.run(y[300:], start=left.end)
     assert called
     assert np.array_equal(disturbed["state"][300:], right["state"])
     assert np.array_equal(disturbed["covariance"][300:], right["covariance"])
@@ -107,12 +107,12 @@ def test_error_of_a_handler_reaches_the_caller() -> None:
 
     model = LinearModel(0.9 * np.eye(30), C=np.eye(1, 30), Q=1e-4, R=1e-2)
     kalman, y = KalmanFilter(model), np.zeros((20_000, 1))
-    kalman.run(y[:3], state=kalman.init(np.zeros(30), 1.0))
+    kalman.run(y[:3], start=kalman.init(np.zeros(30), 1.0))
     before = signal.signal(signal.SIGALRM, raise_late)
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.1)
         with pytest.raises(LateError):
-            kalman.run(y, state=kalman.init(np.zeros(30), 1.0))
+            kalman.run(y, start=kalman.init(np.zeros(30), 1.0))
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
@@ -125,8 +125,8 @@ def _interrupt() -> None:
 
 def test_interrupt_leaves_other_threads_alone() -> None:
     kalman, y, state = _filter()
-    wanted, found = kalman.run(y, state=state), []
-    thread = Thread(target=lambda: found.append(kalman.run(y, state=state)))
+    wanted, found = kalman.run(y, start=state), []
+    thread = Thread(target=lambda: found.append(kalman.run(y, start=state)))
     thread.start()
     with pytest.raises(KeyboardInterrupt):
         _interrupt()
@@ -136,7 +136,7 @@ def test_interrupt_leaves_other_threads_alone() -> None:
 
 def test_smoother_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     kalman, y, state = _filter()
-    run, rows = kalman.run(y[: 2 * FIRST], state=state), []
+    run, rows = kalman.run(y[: 2 * FIRST], start=state), []
 
     def looked(row: int) -> int:
         rows.append(row)

@@ -154,7 +154,7 @@ with event.install_recorder("numba:compile") as compiled:
     from reobserve.systems.linear import LinearModel
     one = np.eye(1)
     observer = KalmanFilter(LinearModel(one, one, one, Q=1.0, R=1.0, sampling_period=1.0))
-    observer.run(np.ones((3, 1)), np.ones((3, 1)), state=observer.init([0.0], 1.0))
+    observer.run(np.ones((3, 1)), np.ones((3, 1)), start=observer.init([0.0], 1.0))
 print(kalman.__file__)
 print(sum(kalman.run_linear.stats.cache_hits.values()), len(compiled.buffer))
 """

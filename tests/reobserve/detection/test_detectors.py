@@ -140,7 +140,7 @@ def simulated(records: int, samples: int) -> tuple[Array, Array]:
 def test_filter_of_the_right_model_is_consistent_and_another_is_not() -> None:
     x, y = simulated(50, 200)
     kalman = KalmanFilter(TWO)
-    run = kalman.run(y, state=kalman.init(np.zeros(2), 1e-6 * np.eye(2)))
+    run = kalman.run(y, start=kalman.init(np.zeros(2), 1e-6 * np.eye(2)))
     distances, whitened = normalised(run)
     assert distances.shape == (50, 200)
     np.testing.assert_allclose((whitened**2).sum(axis=-1), distances)
@@ -152,7 +152,7 @@ def test_filter_of_the_right_model_is_consistent_and_another_is_not() -> None:
         assert 0.9 < found.inside < 0.99
         assert found.mean.mean() == pytest.approx(2, abs=0.1)
     doubted = KalmanFilter(LinearModel(TWO.A, C=TWO.C, Q=TWO.Q, R=3 * TWO.R))
-    again = doubted.run(y, state=doubted.init(np.zeros(2), 1e-6 * np.eye(2)))
+    again = doubted.run(y, start=doubted.init(np.zeros(2), 1e-6 * np.eye(2)))
     assert consistency(normalised(again)[0], 2).inside < 0.05
 
 
@@ -173,7 +173,7 @@ def test_partly_missing_measurement_has_the_distance_of_the_same_probability() -
     y = np.ones((4, 2))
     y[1, 0] = y[2] = np.nan
     kalman = KalmanFilter(TWO)
-    run = kalman.run(y, state=kalman.init(np.zeros(2), np.eye(2)))
+    run = kalman.run(y, start=kalman.init(np.zeros(2), np.eye(2)))
     distances, whitened = normalised(run)
     assert np.isnan(distances).tolist() == [False, False, True, False]
     assert np.isnan(whitened).tolist() == [[False] * 2, [True, False], [True] * 2, [False] * 2]
@@ -181,7 +181,7 @@ def test_partly_missing_measurement_has_the_distance_of_the_same_probability() -
     assert whitened[1, 1] ** 2 == pytest.approx(alone)
     assert stats.chi2.sf(distances[1], 2) == pytest.approx(stats.chi2.sf(alone, 1))
     y[1, 1] = 1e6  # whose probability is no float
-    distances, whitened = normalised(kalman.run(y, state=run.state.__class__(run.state.posterior)))
+    distances, whitened = normalised(kalman.run(y, start=run.end.__class__(run.end.posterior)))
     assert distances[1] == pytest.approx(whitened[1, 1] ** 2, rel=1e-3)
 
 

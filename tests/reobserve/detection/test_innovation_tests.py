@@ -182,12 +182,12 @@ def test_distances_of_matched_and_mismatched_filters_agree_with_likelihoods() ->
         x = 0.9 * x + np.sqrt(0.1) * stream.normal()
         y.append(x + stream.normal())
     none = np.zeros(4000)
-    rest = one.run(none, none, state=start)
+    rest = one.run(none, none, start=start)
     assert not rest["innovation"].any()
-    distance = 2 * (rest["log_likelihood"] - one.run(y, none, state=start)["log_likelihood"])
+    distance = 2 * (rest["log_likelihood"] - one.run(y, none, start=start)["log_likelihood"])
     assert stats.kstest(distance, stats.chi2(1).cdf).pvalue > 0.01
     assert inflation_glr(distance, 1, [16, 64]).max() < 12
-    twice = one.run(2 * np.array(y), none, state=start)
+    twice = one.run(2 * np.array(y), none, start=start)
     louder = 2 * (rest["log_likelihood"] - twice["log_likelihood"])
     np.testing.assert_allclose(louder, 4 * distance, rtol=1e-9, atol=1e-9)
     assert inflation_glr(louder, 1, [16, 64]).max() > 40

@@ -56,7 +56,7 @@ def motor(make: Callable[[], Any], start: Any = None) -> Callable[[Columns], Run
         speed = read(columns, "rpm", "rad/s", "speed")
         y = np.hstack([speed, read(columns, "mA", "A", "current")])
         state = observer.init([0.0, 0.0], 1.0) if start is None else start(observer)
-        return observer.run(y, columns["voltage"], state=state)
+        return observer.run(y, columns["voltage"], start=state)
 
     return run
 
@@ -78,7 +78,7 @@ def high_gain(columns: Columns) -> Run[Any]:
     model = triangular_model(["angle", "rate"], ["0", "-9.81*sin(angle) - 0.5*rate"], "4")
     observer = ro.HighGainObserver(model, rho=8.0, sampling_period=PERIOD)
     y, u = read(columns, "deg", "rad", "angle"), read(columns, "mN m", "N m", "torque")
-    return observer.run(y, u, state=observer.init([0.0, 0.0]))
+    return observer.run(y, u, start=observer.init([0.0, 0.0]))
 
 
 def swing(kind: Callable[[ro.NonlinearModel], Any]) -> Callable[[Columns], Run[Any]]:
@@ -92,7 +92,7 @@ def swing(kind: Callable[[ro.NonlinearModel], Any]) -> Callable[[Columns], Run[A
         )  # fmt: skip
         observer = kind(model)
         y, u = read(columns, "deg", "rad", "angle"), read(columns, "mN m", "N m", "torque")
-        return observer.run(y, u, state=observer.init([0.0, 0.0], 1.0))
+        return observer.run(y, u, start=observer.init([0.0, 0.0], 1.0))
 
     return run
 
@@ -103,7 +103,7 @@ def extended_high_gain(columns: Columns) -> Run[Any]:
         model, rho=5.0, order=2, delay_bounds=(0.0, 1.5), threshold=0.035, sampling_period=PERIOD
     )
     y, u = read(columns, "%", "1", "level"), read(columns, "%", "1", "valve")
-    return observer.run(y, u, state=observer.init([0.0], delay=0.3))
+    return observer.run(y, u, start=observer.init([0.0], delay=0.3))
 
 
 def delay_grid(columns: Columns) -> Run[Any]:
@@ -112,7 +112,7 @@ def delay_grid(columns: Columns) -> Run[Any]:
     )
     grid = ro.GridFilter.of_delay(model, delays=np.arange(11) / 10, random_walk=0.0025)
     y, u = read(columns, "%", "1", "level"), read(columns, "%", "1", "valve")
-    return grid.run(y, u, state=grid.init([0.0], 1.0))
+    return grid.run(y, u, start=grid.init([0.0], 1.0))
 
 
 def levant(columns: Columns) -> Run[Any]:

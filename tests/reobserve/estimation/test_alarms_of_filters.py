@@ -150,7 +150,7 @@ def test_innovation_in_its_predicted_standard_deviations(
     chosen = specified(DRIFT, {"of": of, "sigmas": 5}, {"of": of, "above": 0, "sigmas": 5},
                        {"of": of, "below": -1, "sigmas": 2})  # fmt: skip
     made, found = estimated(chosen, values, tmp_path, block)
-    run = made.design.observer.run(values, state=made.design.start())
+    run = made.design.observer.run(values, start=made.design.start())
     e, spread = run["innovation"][:, 0], np.sqrt(run["innovation_covariance"][:, 0, 0])
     assert np.array_equal(found["alarm a0"], np.abs(e) > 5 * spread)
     assert np.array_equal(found["alarm a1"], e > 5 * spread)

@@ -382,7 +382,7 @@ def test_design_file_provides_observer_names_and_units(kind: str, tmp_path: Path
         np.column_stack([columns[s.name] for s in listed] or [np.empty((100, 0))])
         for listed in signals.values()
     )
-    run = made.observer.run(y, u, state=made.start())
+    run = made.observer.run(y, u, start=made.start())
     first = next(iter(made.estimates))
     for k, (name, unit) in enumerate(made.estimates[first]):
         assert np.array_equal(found[name], run[first].reshape(100, -1)[:, k])

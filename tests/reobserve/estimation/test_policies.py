@@ -53,7 +53,7 @@ def test_lost_samples_are_bridged_by_prediction(tmp_path: Path) -> None:
     y[50:53] = np.nan
     u = EVEN["voltage"].copy()
     u[50:53] = u[49]  # an unknown input is held
-    run = observer.run(y, u, state=observer.init([0, 0], 1.0))
+    run = observer.run(y, u, start=observer.init([0, 0], 1.0))
     assert found["speed"] == pytest.approx(run["state"][:, 0], rel=1e-12)
     assert found["current sigma"] == pytest.approx(np.sqrt(run["variance"][:, 1]), rel=1e-12)
     assert [k for k, word in enumerate(status) if word == "predicted"] == [50, 51, 52]
@@ -69,7 +69,7 @@ def test_estimation_continues_with_the_remaining_sensor(tmp_path: Path) -> None:
     report, found, status = kalman(columns, tmp_path, missing="skip")
     observer = ro.KalmanFilter(motor_model())
     y = np.column_stack([columns["speed"] * (np.pi / 30), columns["current"] * 1e-3])
-    run = observer.run(y, columns["voltage"], state=observer.init([0, 0], 1.0))
+    run = observer.run(y, columns["voltage"], start=observer.init([0, 0], 1.0))
     assert found["speed"] == pytest.approx(run["state"][:, 0], rel=1e-12)
     assert status[200:400] == ["partial"] * 200
     assert (report.missing, report.gap_count) == ({"speed": 200}, 0)

@@ -126,7 +126,7 @@ def test_detectors_as_alarms_are_those_of_the_library(tmp_path: Path) -> None:
     faulty[[50, 51]] = np.nan
     made, found, _ = estimated(tmp_path, {"alarms": DETECTORS}, faulty)
     design = made.design
-    run = design.observer.run(faulty, state=design.start())
+    run = design.observer.run(faulty, start=design.start())
     distances, whitened = normalised(run)
     for name, expected in (
         ("window", chi_square_window(distances, 1, 5, 1e-4)),

@@ -44,7 +44,7 @@ def test_report_warns_where_the_library_does(name: str, variance: float, tmp_pat
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         made.observer.run(list(zip(*y, strict=True)), list(zip(*u, strict=True)) or None,
-                          state=made.design.start())  # fmt: skip
+                          start=made.design.start())  # fmt: skip
     doubts = [one for one in said if one.category is VagueStartWarning]
     assert len(of_the_start(made)) == len(doubts)
     if variance == 1e18:

@@ -141,12 +141,12 @@ def test_record_types_do_not_affect_compilation_or_bits() -> None:
     kalman = KalmanFilter(PLAIN)
     start = kalman.init([0, 0], 1)
     z, u = np.arange(12.0)[:, None] % 5, np.ones((12, 1))
-    wanted = kalman.run(z, u, state=start)["state"]
+    wanted = kalman.run(z, u, start=start)["state"]
     compiled = len(run_linear.signatures)  # type: ignore[attr-defined]
     frozen = z.copy()
     frozen.flags.writeable = False
     for other in (frozen, z.tolist(), z.astype(np.float32), z.astype(int), pd.DataFrame(z)):
-        assert np.array_equal(kalman.run(other, u.tolist(), state=start)["state"], wanted)
+        assert np.array_equal(kalman.run(other, u.tolist(), start=start)["state"], wanted)
     assert len(run_linear.signatures) == compiled  # type: ignore[attr-defined]
 
 
@@ -159,9 +159,9 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
     one, none, gain = np.ones((1, 1)), np.empty((1, 0)), np.ones((3, 1))
     system = AugmentedSystem(-one, one, one, none, none, one, none)
     calls: list[tuple[Any, str]] = [
-        (lambda: observer.run(record, start, state=start), "u"),
-        (lambda: observer.run(record, record, state=record), "state"),
-        (lambda: observer.run(record, record, state=KalmanFilter), "state"),
+        (lambda: observer.run(record, start, start=start), "u"),
+        (lambda: observer.run(record, record, start=record), "state"),
+        (lambda: observer.run(record, record, start=KalmanFilter), "state"),
         (lambda: observer.step(None, record[0], record[0]), "state"),
         (
             lambda: SampledILO(
@@ -208,7 +208,7 @@ def test_array_beyond_memory_is_reported_with_its_shape() -> None:
 
 def test_unknown_estimate_name_is_refused() -> None:
     kalman = KalmanFilter(PLAIN)
-    run = kalman.run([[1.0]], [[0.0]], state=kalman.init([0.0, 0.0], 1.0))
+    run = kalman.run([[1.0]], [[0.0]], start=kalman.init([0.0, 0.0], 1.0))
     for name in ("sate", 0, [1], None):
         with pytest.raises(InputError, match=r"^estimate: there is no .+"):
             run[name]  # type: ignore[index]

@@ -44,7 +44,7 @@ def still(columns: int | None, steps: int) -> Array:
 def high_gain(rho: float, step: float) -> Callable[[], Any]:
     observer = HighGainObserver(MODEL, rho=rho, sampling_period=step)
     record = np.zeros(3001)
-    return lambda: observer.run(record, record, state=observer.init([1.0, 0.0]))
+    return lambda: observer.run(record, record, start=observer.init([1.0, 0.0]))
 
 
 def extended(rho: float, step: float) -> Callable[[], Any]:
@@ -54,12 +54,12 @@ def extended(rho: float, step: float) -> Callable[[], Any]:
     time = 0.5 * step * np.arange(2 * 3000 + 1)
     u = np.column_stack([np.sin(time), np.cos(time)])
     y, start = still(None, 3000), observer.init([1.0, 0.0], delay=0.5)
-    return lambda: run_on_halves(observer, y, u, state=start)
+    return lambda: run_on_halves(observer, y, u, start=start)
 
 
 def rigid(observer: Any, steps: int = 4000) -> Callable[[], Any]:
     start = observer.init([0.1, 0.2, -0.1])
-    return lambda: run_on_halves(observer, still(3, steps), still(3, steps), state=start)
+    return lambda: run_on_halves(observer, still(3, steps), still(3, steps), start=start)
 
 
 def series_gain(step: float) -> Callable[[], Any]:
@@ -67,7 +67,7 @@ def series_gain(step: float) -> Callable[[], Any]:
         ["-x1_", "x0 - (1 - x0**2)*x1_"], ["x0"], ["x0", "x1_"],
         poles=(-1.7, -2.5), order=8, sampling_period=step,
     )  # fmt: skip
-    return lambda: observer.run(np.full(400, 1.4), state=observer.init([0.0, 0.0]))
+    return lambda: observer.run(np.full(400, 1.4), start=observer.init([0.0, 0.0]))
 
 
 STIFF: dict[str, Callable[[], Any]] = {
@@ -140,19 +140,19 @@ SYSTEM = AugmentedSystem([[-1.0]], [[1.0]], [[1.0]], NONE, NONE, [[1.0]], NONE)
 def of_filter(missing: bool) -> Callable[..., Any]:
     kalman = KalmanFilter(UNSEEN)
     taken = np.full((400, 1), np.nan if missing else 0.3)
-    return lambda **how: kalman.run(taken, state=kalman.init([1.0, 1.0], 1.0), **how)
+    return lambda **how: kalman.run(taken, start=kalman.init([1.0, 1.0], 1.0), **how)
 
 
 def of_bank(**how: Any) -> Any:
     bank = IMM([KalmanFilter(UNSEEN)] * 2, [[0.9, 0.1], [0.1, 0.9]])
-    return bank.run(np.full((400, 1), np.nan), state=bank.init([1.0, 1.0], 1.0), **how)
+    return bank.run(np.full((400, 1), np.nan), start=bank.init([1.0, 1.0], 1.0), **how)
 
 
 def of_levant(**how: Any) -> Any:
     differentiator = LevantDifferentiator(
         L=1e200, order=1, lambdas=(1.0, 1.0), sampling_period=1e60
     )
-    return differentiator.run(np.zeros(9), state=differentiator.init([1e300, 0.0]), **how)
+    return differentiator.run(np.zeros(9), start=differentiator.init([1e300, 0.0]), **how)
 
 
 def of_extended_state(**how: Any) -> Any:
@@ -170,7 +170,7 @@ def of_adaptive(**how: Any) -> Any:
         BODY, observer_gain=300.0, integral_gain=1.0, proportional_gain=0.0, sampling_period=0.01
     )
     start = observer.init([0.1, 0.2, -0.1])
-    return run_on_halves(observer, still(3, 4000), still(3, 4000), state=start, **how)
+    return run_on_halves(observer, still(3, 4000), still(3, 4000), start=start, **how)
 
 
 RUNS: dict[str, Callable[..., Any]] = {
@@ -216,9 +216,9 @@ def test_rate_near_overflow_gives_finite_fault() -> None:
     )
     rate = np.full((5, 3), 1e308)
     with pytest.raises(DivergenceError, match=r"^SampledILO diverged"):
-        observer.run(rate, np.zeros((5, 3)), state=observer.init(np.zeros(3)))
+        observer.run(rate, np.zeros((5, 3)), start=observer.init(np.zeros(3)))
     run = observer.run(
-        rate, np.zeros((5, 3)), state=observer.init(np.zeros(3)), on_divergence="return"
+        rate, np.zeros((5, 3)), start=observer.init(np.zeros(3)), on_divergence="return"
     )
     assert np.isfinite(run["fault"]).all()
     assert run.diverged_at == 0.0
@@ -229,23 +229,23 @@ def test_step_and_run_report_the_same_divergence() -> None:
         BODY, observer_gain=300.0, integral_gain=1.0, proportional_gain=0.0, sampling_period=0.01
     )
     start, rest = observer.init([0.1, 0.2, -0.1]), np.zeros((4001, 3))
-    quiet = observer.run(rest, rest, state=start, on_divergence="return")
+    quiet = observer.run(rest, rest, start=start, on_divergence="return")
     rows = len(quiet)
-    state = observer.run(rest[:rows], rest[:rows], state=start).state
+    state = observer.run(rest[:rows], rest[:rows], start=start).end
     said = (
         rf"^AdaptiveObserver diverged: its state is finite up to t = {quiet.diverged_at:g} s "
         r"and not after; a step of 0\.01 s may be too long for it$"
     )
     for call in (
-        lambda: observer.run(rest, rest, state=start),
+        lambda: observer.run(rest, rest, start=start),
         lambda: observer.step(state, rest[0], rest[0]),
-        lambda: observer.run(rest[:9], rest[:9], state=state),
+        lambda: observer.run(rest[:9], rest[:9], start=state),
     ):
         with pytest.raises(DivergenceError, match=said):
             call()
     bad = replace(state, rate=np.array([np.nan, 0, 0]))
     for call in (
-        lambda: observer.run(rest[:1], rest[:1], state=bad),
+        lambda: observer.run(rest[:1], rest[:1], start=bad),
         lambda: observer.step(bad, rest[0], rest[0]),
     ):
         with pytest.raises(InputError, match=r"^state.rate: .* has an entry that is not finite$"):
@@ -273,7 +273,7 @@ def test_step_is_not_blamed_for_the_first_row() -> None:
     for rows in (1, 2):
         y = np.repeat(rate, rows, axis=0)
         with pytest.raises(DivergenceError, match=r"not after$"):
-            observer.run(y, np.zeros((rows, 3)), state=start)
+            observer.run(y, np.zeros((rows, 3)), start=start)
 
 
 def test_divergence_is_reported_in_record_time() -> None:
@@ -282,8 +282,8 @@ def test_divergence_is_reported_in_record_time() -> None:
     )
     start, rest = observer.init([0.1, 0.2, -0.1]), np.zeros((4001, 3))
     time = 20.0 + 0.01 * np.arange(4001)
-    quiet = observer.run(rest, rest, state=start, time=time, on_divergence="return")
+    quiet = observer.run(rest, rest, start=start, time=time, on_divergence="return")
     assert quiet.diverged_at == time[len(quiet) - 1] == quiet.time[-1]
     said = rf"up to t = {quiet.diverged_at:g} s and not after; a step of 0.01 s may be too long"
     with pytest.raises(DivergenceError, match=said):
-        observer.run(rest, rest, state=start, time=time)
+        observer.run(rest, rest, start=start, time=time)

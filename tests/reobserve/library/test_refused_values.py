@@ -34,17 +34,17 @@ def bank_state(**changed: Any) -> Callable[[], Any]:
     return lambda: BANK.step(replace(BANK.init([0.0], 1.0), **changed), [0.0], [0.0])
 
 
-LOGARITHMS = "state.log_probabilities: must be 2 logarithms of probabilities"
+LOGARITHMS = "start.log_probabilities: must be 2 logarithms of probabilities"
 REFUSED: list[tuple[Callable[[], Any], str]] = [
     (bank_state(log_probabilities=np.zeros(3)), LOGARITHMS),
     (bank_state(log_probabilities=np.array([np.nan, 0.0])), LOGARITHMS),
     (bank_state(log_probabilities=np.full(2, -np.inf)), LOGARITHMS),
-    (bank_state(count=-1), "state.count: -1 must be a whole number, 0 or more"),
-    (bank_state(count=True), "state.count: True must be a whole number, 0 or more"),
+    (bank_state(count=-1), "start.count: -1 must be a whole number, 0 or more"),
+    (bank_state(count=True), "start.count: True must be a whole number, 0 or more"),
     (lambda: IMM([KALMAN, KalmanFilter], np.eye(2)), "filters[1]: an object of type ABCMeta must"),
-    (lambda: run_on_halves(LEARNING, TWO, state=LEARNING.init(ZERO)), "y: has shape (2, 3), must"),
+    (lambda: run_on_halves(LEARNING, TWO, start=LEARNING.init(ZERO)), "y: has shape (2, 3), must"),
     (
-        lambda: run_on_halves(LEARNING, TWO[:1], state=LEARNING.init(ZERO), y_before=TWO),
+        lambda: run_on_halves(LEARNING, TWO[:1], start=LEARNING.init(ZERO), y_before=TWO),
         "y_before: has shape (2, 3), must be (1, 3)",
     ),
     (lambda: as_pole_list("poles", -3.0), "poles: -3.0 must be a list of poles, as [-2, -3]"),  # type: ignore[arg-type]

@@ -41,8 +41,8 @@ from .test_wrong_kinds import parameters
 
 BEYOND = [MOST_COUNTED + 1, 2**32, 2**63 - 2, 2**63 - 1, 2**63, 2**64 - 1, 2**64, 2**128 + 1]
 KALMAN = KalmanFilter(LinearModel([[1]], C=[[1]], Q=1, R=1))
-RUN = KALMAN.run(np.arange(50.0), state=KALMAN.init([0], 1))
-MANY = KALMAN.run(np.zeros((2, 5, 1)), state=KALMAN.init([0], 1))
+RUN = KALMAN.run(np.arange(50.0), start=KALMAN.init([0], 1))
+MANY = KALMAN.run(np.zeros((2, 5, 1)), start=KALMAN.init([0], 1))
 
 # Whole numbers that the calls of `calls` leave out.
 OTHERS: dict[str, Callable[[Any], object]] = {

@@ -107,7 +107,7 @@ def run_over(
     """A run over steps that end at the rows of z, u held over each, from before the first one."""
     held = np.empty((len(z), 0)) if u is None else u
     begin = dict(zip(("mean", "covariance", "probabilities"), start, strict=False))
-    return observer.run(z, from_rows_on(held), state=observer.init(**begin, u=held[0]), **how)
+    return observer.run(z, from_rows_on(held), start=observer.init(**begin, u=held[0]), **how)
 
 
 def from_rows_on(held: Array) -> Array:

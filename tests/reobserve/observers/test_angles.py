@@ -46,7 +46,7 @@ def test_bearing_filter_across_the_cut_is_the_turned_filter(kind: type) -> None:
         observer = kind(bearings(turned))
         sign = -1.0 if turned else 1.0
         start = sign * np.array([-10, 5, 0, -STEP])
-        run = observer.run(y, state=observer.init(start, [1, 1, 0.01, 0.01]))
+        run = observer.run(y, start=observer.init(start, [1, 1, 0.01, 0.01]))
         smooth = rts_smoother(observer, run)
         found[turned] = [sign * run["state"], sign * smooth["state"], run["covariance"]]
         np.testing.assert_allclose(run["innovation"], found[False][0][:, :1] * 0, atol=0.05)
@@ -70,13 +70,13 @@ COMPASS = STRAIGHT % 360.0
 
 def test_heading_that_goes_round_is_the_one_that_goes_on() -> None:
     straight = KalmanFilter(compass())
-    expected = straight.run(STRAIGHT, state=straight.init([30, 0], 100.0))
+    expected = straight.run(STRAIGHT, start=straight.init([30, 0], 100.0))
     smooth = rts_smoother(straight, expected)
     goes_on = KalmanFilter(compass(output_periods=[360.0]))
-    run = goes_on.run(COMPASS, state=goes_on.init([30, 0], 100.0))
+    run = goes_on.run(COMPASS, start=goes_on.init([30, 0], 100.0))
     np.testing.assert_allclose(run["state"], expected["state"], atol=1e-9)
     wraps = KalmanFilter(compass(output_periods={"compass": 360}, state_periods={"heading": 360}))
-    run = wraps.run(COMPASS, state=wraps.init([30, 0], 100.0))
+    run = wraps.run(COMPASS, start=wraps.init([30, 0], 100.0))
     np.testing.assert_allclose(run["state"], wrapped(expected["state"], [360, 0]), atol=1e-9)
     assert np.abs(run["state_heading"]).max() <= 180.0
     np.testing.assert_allclose(
@@ -96,8 +96,8 @@ def test_augmented_filter_and_bank_go_round() -> None:
     bias = {"fault_matrix": [[0.0], [1.0]], "random_walk": 1e-3}
     straight = AugmentedKalmanFilter(compass(), **bias)
     wraps = AugmentedKalmanFilter(compass(output_periods=[360], state_periods=[360, None]), **bias)
-    expected = straight.run(STRAIGHT, state=straight.init([30, 0], 100.0))
-    run = wraps.run(COMPASS, state=wraps.init([30, 0], 100.0))
+    expected = straight.run(STRAIGHT, start=straight.init([30, 0], 100.0))
+    run = wraps.run(COMPASS, start=wraps.init([30, 0], 100.0))
     np.testing.assert_allclose(run["unknown_input"], expected["unknown_input"], atol=1e-9)
     np.testing.assert_allclose(run["state"], wrapped(expected["state"], [360, 0]), atol=1e-9)
 
@@ -110,9 +110,9 @@ def test_augmented_filter_and_bank_go_round() -> None:
         return IMM([KalmanFilter(slow), KalmanFilter(quick)], [[0.95, 0.05], [0.1, 0.9]])
 
     straight_bank = bank()
-    expected = straight_bank.run(STRAIGHT, state=straight_bank.init([30, 0], 100.0))
+    expected = straight_bank.run(STRAIGHT, start=straight_bank.init([30, 0], 100.0))
     for mixed in (bank(output_periods=[360], state_periods=[360, None]),):
-        run = mixed.run(COMPASS, state=mixed.init([30, 0], 100.0))
+        run = mixed.run(COMPASS, start=mixed.init([30, 0], 100.0))
         np.testing.assert_allclose(run["probability"], expected["probability"], atol=1e-9)
         np.testing.assert_allclose(run["covariance"], expected["covariance"], atol=1e-8)
         np.testing.assert_allclose(run["state"], wrapped(expected["state"], [360, 0]), atol=1e-9)
@@ -131,9 +131,9 @@ def test_nonlinear_state_goes_round_through_sigma_points_and_one_by_one_in_a_ban
         found = []
         for round_, y in ((False, STRAIGHT), (True, COMPASS)):
             observer = kind(model(round_))
-            run = observer.run(y, state=observer.init([30, 0], 100.0))
+            run = observer.run(y, start=observer.init([30, 0], 100.0))
             both = IMM([observer, observer], [[0.9, 0.1], [0.1, 0.9]])
-            banked = both.run(y[:60], state=both.init([30, 0], 100.0))
+            banked = both.run(y[:60], start=both.init([30, 0], 100.0))
             smooth = rts_smoother(observer, run)
             found.append([run["state"], smooth["state"], banked["state"], run["covariance"]])
         for straight, wraps in zip(*(one[:3] for one in found), strict=True):
@@ -143,7 +143,7 @@ def test_nonlinear_state_goes_round_through_sigma_points_and_one_by_one_in_a_ban
 
 def test_line_of_an_angle_is_interrupted_where_it_goes_round() -> None:
     observer = KalmanFilter(compass(output_periods=[360], state_periods=[360, None]))
-    run = observer.run(COMPASS, state=observer.init([30, 0], 100.0))
+    run = observer.run(COMPASS, start=observer.init([30, 0], 100.0))
     heading, rate = run.plot(["state"], known={"state": run["state"]}).axes[0].lines[::2]
     turns = np.isnan(heading.get_ydata()).sum()
     assert turns == (np.abs(np.diff(run["state_heading"])) > 180).sum() > 2
@@ -173,12 +173,12 @@ def test_matrices_by_which_an_angle_is_another_after_a_period_are_refused() -> N
     observer = KalmanFilter(compass(output_periods=[360], state_periods=[360, None]))
     for given in ({"A": [[0.5, PERIOD], [0, 1]]}, {"C": [[0.5, 0]]}):
         with pytest.raises(InputError, match="row 1, column 1 times the period 360"):
-            observer.run(COMPASS, state=observer.init([30, 0], 1.0), **given)
+            observer.run(COMPASS, start=observer.init([30, 0], 1.0), **given)
 
 
 def test_first_row_is_within_half_a_period_and_banks_do_not_depend_on_their_order() -> None:
     observer = KalmanFilter(compass(output_periods=[360], state_periods=[360, None]))
-    run = observer.run([np.nan, -9.0], state=observer.init([350, 0], 1.0))
+    run = observer.run([np.nan, -9.0], start=observer.init([350, 0], 1.0))
     assert run["state"][0].tolist() == [-10.0, 0.0]
     model = LinearModel([[1]], C=[[1]], Q=1, R=1, state_periods=[360], output_periods=[360])
     found = []
@@ -186,7 +186,7 @@ def test_first_row_is_within_half_a_period_and_banks_do_not_depend_on_their_orde
         bank = IMM([KalmanFilter(model)] * 3, np.eye(3), mixing=False)
         shares = [1e-6 if one == 0 else 0.5 - 5e-7 for one in order]
         means = [[float(one)] for one in order]
-        found.append(bank.run([np.nan], state=bank.init(means, 1.0, probabilities=shares)))
+        found.append(bank.run([np.nan], start=bank.init(means, 1.0, probabilities=shares)))
     assert found[0]["state"] == pytest.approx(found[1]["state"], abs=1e-9)
     # Two at 180 +- 2 with the variance 1, and a millionth at a distance of 180.
     assert found[0]["variance"][0, 0] == pytest.approx(5 + 1e-6 * 180**2, rel=1e-3)
@@ -195,6 +195,6 @@ def test_first_row_is_within_half_a_period_and_banks_do_not_depend_on_their_orde
 def test_correlated_noise_with_angles_and_banks_of_different_periods_are_refused() -> None:
     observer = KalmanFilter(compass(output_periods=[360]))
     with pytest.raises(InputError, match="S: must be left out where outputs have periods"):
-        observer.run(COMPASS, state=observer.init([30, 0], 1.0), S=[[0.0], [0.1]])
+        observer.run(COMPASS, start=observer.init([30, 0], 1.0), S=[[0.0], [0.1]])
     with pytest.raises(InputError, match=r"filters\[1\]: has other periods"):
         IMM([observer, KalmanFilter(compass())], [[0.9, 0.1], [0.1, 0.9]])

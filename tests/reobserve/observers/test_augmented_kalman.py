@@ -52,12 +52,12 @@ def test_unknown_input_is_exact_without_noise_one_row_later() -> None:
     run = observer.run(
         states,
         u,
-        state=observer.init([0.0, 0.0], 1.0, unknown_input=[0.0], unknown_input_covariance=1.0),
+        start=observer.init([0.0, 0.0], 1.0, unknown_input=[0.0], unknown_input_covariance=1.0),
     )
     assert np.abs(run["unknown_input"][1:] - force[:-1]).max() < 1e-9
     assert np.abs(run["state"] - states).max() < 1e-9
     plain = KalmanFilter(model)
-    other = plain.run(states, u, state=plain.init([0.0, 0.0], 1.0))
+    other = plain.run(states, u, start=plain.init([0.0, 0.0], 1.0))
     assert np.abs(other["innovation"][5:]).max() > 0.01, "it knows of no force"
 
 
@@ -69,7 +69,7 @@ def test_sensor_bias_is_identified_by_the_second_sensor() -> None:
     observer = AugmentedKalmanFilter(
         model, fault_matrix=np.zeros((2, 1)), random_walk=1e-12, output_fault_matrix=[[0.0], [1.0]]
     )
-    run = observer.run(y, u, state=observer.init([0.0, 0.0], 1.0))
+    run = observer.run(y, u, start=observer.init([0.0, 0.0], 1.0))
     assert run["unknown_input"][-1] == pytest.approx([0.7], abs=1e-6)
     assert run["unknown_input_variance"].shape == (400, 1)
     assert run["unknown_input_variance"][-1, 0] < 1e-8
@@ -82,7 +82,7 @@ def test_augmented_filter_agrees_with_filterpy() -> None:
     run = observer.run(
         y,
         u,
-        state=observer.init([0.1, 0.2], 0.5, unknown_input=[0.4], unknown_input_covariance=2.0),
+        start=observer.init([0.1, 0.2], 0.5, unknown_input=[0.4], unknown_input_covariance=2.0),
     )
     peer = FilterpyKalmanFilter(3, 1, 1)
     peer.F = np.block([[HELD[0], FORCE], [np.zeros((1, 2)), np.eye(1)]])
@@ -170,18 +170,18 @@ def test_time_varying_noise_agrees_with_the_augmented_kalman_filter() -> None:
     wide = np.zeros((80, 3, 3))
     wide[:, :2, :2], wide[:, 2, 2] = Q, PERIOD * 1e-2
     start = observer.init([0.3, 0.0], 1e-2)
-    run = observer.run(y, u, state=start, Q=Q, R=R)
-    other = whole.run(y, u, state=start, Q=wide, R=R)
+    run = observer.run(y, u, start=start, Q=Q, R=R)
+    other = whole.run(y, u, start=start, Q=wide, R=R)
     np.testing.assert_array_equal(run["state"], other["state"][:, :2])
     np.testing.assert_array_equal(run["unknown_input"], other["state"][:, 2:])
     np.testing.assert_array_equal(run["log_likelihood"], other["log_likelihood"])
-    assert np.abs(run["state"] - observer.run(y, u, state=start)["state"]).max() > 1e-4
+    assert np.abs(run["state"] - observer.run(y, u, start=start)["state"]).max() > 1e-4
     state = start
     for k in range(80):
         state, estimate = observer.step(state, y[k], u[k], Q=Q[k], R=R[k])
         np.testing.assert_array_equal(estimate["state"], run["state"][k])
-    one_for_all = observer.run(y, u, state=start, Q=1e-6)
-    each = observer.run(y, u, state=start, Q=np.tile(1e-6 * np.eye(2), (80, 1, 1)))
+    one_for_all = observer.run(y, u, start=start, Q=1e-6)
+    each = observer.run(y, u, start=start, Q=np.tile(1e-6 * np.eye(2), (80, 1, 1)))
     np.testing.assert_array_equal(one_for_all["state"], each["state"])
     with pytest.raises(InputError, match=r"^Q: has shape \(3, 2, 2\), must be one covariance or"):
-        observer.run(y, u, Q=Q[:3], state=start)
+        observer.run(y, u, Q=Q[:3], start=start)

@@ -32,11 +32,11 @@ for name, make in CASES.items():
         state = case.state
         for first, last in ((0, 1), (1, 7), (7, 12)):
             y, u = (None if each is None else each[first:last] for each in (case.y, case.u))
-            state = observer.run(y, u, state=state).state
+            state = observer.run(y, u, start=state).state
 y, u = record()
 for name, make in GIVEN.items():
     one = make()
-    run = one.observer.run(y, u, state=one.state, **one.given)
+    run = one.observer.run(y, u, start=one.state, **one.given)
     if name in ("Kalman", "EKF", "UKF"):
         again = part(one.given, slice(None))
         again.pop("keep", None)

@@ -169,7 +169,7 @@ def test_what_is_given_is_refused(kind: str) -> None:
     model = one.filters[0].model if hasattr(one, "filters") else one.model
     state = one.init(MEANS[model.states], 0.5)
     with pytest.raises(InputError, match=f"^{problem}"):
-        one.run(y, u, state=state, **given)
+        one.run(y, u, start=state, **given)
 
 
 def test_models_refuse_noise_and_density_together() -> None:
@@ -188,22 +188,22 @@ def test_records_of_other_lengths_are_refused() -> None:
     one, (y, u) = kalman(), record()
     state = one.init([0.0] * 3, 1.0)
     with pytest.raises(InputError, match=r"^record 1\.u: has 9 rows, must have 5 like y"):
-        one.run([y, y[:5]], u, state=state)
+        one.run([y, y[:5]], u, start=state)
     with pytest.raises(InputError, match=r"^record 1\.y: has 5 rows, must have 9 like record 0$"):
-        one.run([y, y[:5]], [u, u[:5]], state=state)
+        one.run([y, y[:5]], [u, u[:5]], start=state)
     with pytest.raises(InputError, match=r"^y: has no record, must have one or more$"):
-        one.run(np.empty((0, ROWS, 2)), u, state=state)
+        one.run(np.empty((0, ROWS, 2)), u, start=state)
     with pytest.raises(InputError, match=r"^u: is of 3 records, must be of 2 like y$"):
-        one.run([y, y], [u] * 3, state=state)
-    with pytest.raises(InputError, match=r"^state: is of 1 records, must be of 2 like y$"):
-        one.run([y, y], u, state=[state])
+        one.run([y, y], [u] * 3, start=state)
+    with pytest.raises(InputError, match=r"^start: is of 1 records, must be of 2 like y$"):
+        one.run([y, y], u, start=[state])
     with pytest.raises(InputError, match=r"^record 1\.y: has shape \(9, 1\), must have one row or"):
-        one.run([y, y[:, :1]], u, state=state)
+        one.run([y, y[:, :1]], u, start=state)
 
 
 def test_smoother_refuses_what_does_not_belong_to_the_run() -> None:
     one, (y, u), rows = kalman(), record(), random_rows()
-    run = one.run(y, u, state=one.init([0.0] * 3, 1.0), **rows)
+    run = one.run(y, u, start=one.init([0.0] * 3, 1.0), **rows)
     without_s = {name: value for name, value in rows.items() if name != "S"}
     with pytest.raises(InputError, match=r"^S: is left out, but was given to the run"):
         rts_smoother(one, run, u, y=y, **without_s)
@@ -216,35 +216,35 @@ def test_smoother_refuses_what_does_not_belong_to_the_run() -> None:
     with pytest.raises(InputError, match=r"^dt: is not taken by KalmanFilter, beside y and u it"):
         rts_smoother(one, run, u, dt=0.1)
     bare = augmented()
-    run = bare.run(y, u, state=bare.init([0.0] * 3, 1.0))
+    run = bare.run(y, u, start=bare.init([0.0] * 3, 1.0))
     with pytest.raises(InputError, match=r"has no state_unknown_input_covariance: run the filter"):
         rts_smoother(bare, run, u)
-    many = one.run([y, y], u, state=one.init([0.0] * 3, 1.0))
+    many = one.run([y, y], u, start=one.init([0.0] * 3, 1.0))
     with pytest.raises(InputError, match=r"^run: is of many records; take one of them, run.record"):
         rts_smoother(one, many, u)
 
 
 DAMAGED: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {
-    "no matrices": (kalman, {"held": 3}, r"state\.held: 3 must be matrices by name: A, B, Q, tran"),
-    "of another filter": (kalman, {"held": {"dt": [0.1]}}, r"state\.held: .* must be matrices by"),
+    "no matrices": (kalman, {"held": 3}, r"start\.held: 3 must be matrices by name: A, B, Q, tran"),
+    "of another filter": (kalman, {"held": {"dt": [0.1]}}, r"start\.held: .* must be matrices by"),
     "of other size": (
-        kalman, {"held": {"A": np.eye(2)}}, r"state\.held\.A: .* must be finite, of shape \(3, 3",
+        kalman, {"held": {"A": np.eye(2)}}, r"start\.held\.A: .* must be finite, of shape \(3, 3",
     ),
-    "text": (kalman, {"held": {"A": "no"}}, r"state\.held\.A: 'no' is not a number or an array"),
+    "text": (kalman, {"held": {"A": "no"}}, r"start\.held\.A: 'no' is not a number or an array"),
     "not finite": (
-        kalman, {"held": {"Q": np.full((3, 3), np.nan)}}, r"state\.held\.Q: .* must be finite",
+        kalman, {"held": {"Q": np.full((3, 3), np.nan)}}, r"start\.held\.Q: .* must be finite",
     ),
     "part of what S takes out": (
         kalman, {"held": {"known": np.zeros(3)}},
-        r"state\.held: must have all of transition, noise, known, or none$",
+        r"start\.held: must have all of transition, noise, known, or none$",
     ),
-    "dt not positive": (extended, {"held": {"dt": [0.0]}}, r"state\.held\.dt: .* a positive time$"),
-    "of no bank": (kalman_bank, {"held": 3}, r"state\.held: 3 must be of 2 filters$"),
+    "dt not positive": (extended, {"held": {"dt": [0.0]}}, r"start\.held\.dt: .* a positive time$"),
+    "of no bank": (kalman_bank, {"held": 3}, r"start\.held: 3 must be of 2 filters$"),
     "of other size in a bank": (
-        kalman_bank, {"held": ({}, {"B": np.eye(3)})}, r"state\.held\[1\]\.B: .* must be finite",
+        kalman_bank, {"held": ({}, {"B": np.eye(3)})}, r"start\.held\[1\]\.B: .* must be finite",
     ),
-    "time": (kalman, {"time": "now"}, r"state\.time: 'now' is not a number"),
-    "time not finite": (kalman_bank, {"time": np.nan}, r"state\.time: nan has an entry that"),
+    "time": (kalman, {"time": "now"}, r"start\.time: 'now' is not a number"),
+    "time not finite": (kalman_bank, {"time": np.nan}, r"start\.time: nan has an entry that"),
 }  # fmt: skip
 
 
@@ -255,19 +255,19 @@ def test_damaged_states_are_refused(kind: str) -> None:
     model = one.filters[0].model if hasattr(one, "filters") else one.model
     state = replace(one.init(MEANS[model.states], 0.5, u=u[0]), **changed)
     with pytest.raises(InputError, match=f"^{problem}"):
-        one.run(y, u, state=state)
+        one.run(y, u, start=state)
 
 
 def test_lists_of_other_kinds_are_refused() -> None:
     one, (y, u) = kalman_bank(), record()
     with pytest.raises(InputError, match=r"^A: .* is not a number or an array of numbers$"):
-        one.run(y, u, state=one.init(MEANS[3], 0.5), A=[[1.0, 2.0], [3.0]])
+        one.run(y, u, start=one.init(MEANS[3], 0.5), A=[[1.0, 2.0], [3.0]])
     single = kalman()
     state = single.init(MEANS[3], 0.5)
     with pytest.raises(InputError, match=r"^keep: .* must be one of predicted_state"):
-        single.run(y, u, state=state, keep=np.eye(3))
+        single.run(y, u, start=state, keep=np.eye(3))
     with pytest.raises(InputError, match=r"^number: True must be a record, below 2$"):
-        single.run([y, y], u, state=state).record(True)
+        single.run([y, y], u, start=state).record(True)
     with pytest.raises(InputError, match=r"^A: .* is not a number or an array of numbers$"):
         LinearModel.from_ode([[0.0], [1.0, 2.0]], C=[[1.0]], Q=1.0, R=1.0, sampling_period=0.1)
 
@@ -289,12 +289,12 @@ def test_density_of_another_noise_is_refused(changed: dict[str, Any]) -> None:
 
 def test_times_that_dt_did_not_lead_to_are_refused() -> None:
     one, (y, u) = extended(), record()
-    state = one.run(y, u, state=one.init(MEANS[2], 0.5), dt=0.2).state
+    state = one.run(y, u, start=one.init(MEANS[2], 0.5), dt=0.2).end
     with pytest.raises(InputError, match=r"^time: begins 0\.3 s after the row before, from where"):
-        one.run(y[:1], u[:1], state=state, time=[1.9])
-    led = one.run(y, u, state=state).state.posterior.mean
+        one.run(y[:1], u[:1], start=state, time=[1.9])
+    led = one.run(y, u, start=state).end.posterior.mean
     times = 1.8 + 0.1 * np.arange(ROWS)
-    assert np.allclose(one.run(y, u, state=state, time=times).state.posterior.mean, led, atol=1e-12)
+    assert np.allclose(one.run(y, u, start=state, time=times).end.posterior.mean, led, atol=1e-12)
 
 
 def test_divergence_before_the_first_row_has_the_time_of_the_state() -> None:
@@ -302,15 +302,15 @@ def test_divergence_before_the_first_row_has_the_time_of_the_state() -> None:
     state, _ = one.step(one.init(MEANS[2], 0.5), y[0], u[0], time=0.2, A=1e200 * np.eye(2))
     with pytest.raises(DivergenceError, match=r"is finite up to t = 0\.2 s and not after"):
         one.step(state, y[1], u[1], time=5.0)
-    run = one.run([y[:1], y[1:2]], u[:1], state=state, time=[5.0], on_divergence="return")
+    run = one.run([y[:1], y[1:2]], u[:1], start=state, time=[5.0], on_divergence="return")
     assert run.diverged_at.tolist() == [0.2, 0.2]
     assert [len(run.record(number)) for number in (0, 1)] == [0, 0]
 
 
 def test_states_that_hold_what_another_model_has_are_refused() -> None:
     one, (y, u) = extended(), record()
-    state = one.run(y, u, state=one.init(MEANS[2], 0.5), parameters={"stiffness": 9.0}).state
-    with pytest.raises(InputError, match=r"^state\.held\.parameters: .* of shape \(0,\)$"):
-        extended(DISCRETE).run(y, u, state=state)
-    with pytest.raises(InputError, match=r"^state\.held: .* must be matrices by name: A, B, Q, tr"):
-        kalman(SPRING).run(y, u, state=state)
+    state = one.run(y, u, start=one.init(MEANS[2], 0.5), parameters={"stiffness": 9.0}).end
+    with pytest.raises(InputError, match=r"^start\.held\.parameters: .* of shape \(0,\)$"):
+        extended(DISCRETE).run(y, u, start=state)
+    with pytest.raises(InputError, match=r"^start\.held: .* must be matrices by name: A, B, Q, tr"):
+        kalman(SPRING).run(y, u, start=state)

@@ -50,7 +50,7 @@ def case(request: pytest.FixtureRequest) -> Case:
 def part(case: Case, first: int, last: int, state: Any) -> Any:
     """The run over some rows."""
     u = None if case.u is None else case.u[first:last]
-    return case.observer.run(case.y[first:last], u, state=state)
+    return case.observer.run(case.y[first:last], u, start=state)
 
 
 def row_of(case: Case, row: int) -> tuple[Array, Array | None]:
@@ -126,7 +126,7 @@ def same_rows(run: Any, other: Any, rows: slice = slice(None)) -> bool:
 @pytest.mark.parametrize("record_of", [plain, detailed])
 def test_stepping_and_run_are_bitwise_identical(case: Case, record_of: RecordOf) -> None:
     record = record_of(case)
-    run, state = case.observer.run(**record, state=case.state), case.state
+    run, state = case.observer.run(**record, start=case.state), case.state
     for row in range(SHORT):
         state, estimate = case.observer.step(state, **cut(record, row))
         assert estimate.time == run.time[row]
@@ -134,29 +134,29 @@ def test_stepping_and_run_are_bitwise_identical(case: Case, record_of: RecordOf)
         assert list(estimate.estimates) == list(run.estimates)
         for name in run.estimates:
             assert np.array_equal(estimate[name], run[name][row], equal_nan=True), (row, name)
-    assert same(state, run.state)
+    assert same(state, run.end)
 
 
 @pytest.mark.parametrize("at", [1, 2, 5, 7, 21, SHORT - 1])
 @pytest.mark.parametrize("record_of", [plain, detailed])
 def test_two_consecutive_runs_equal_one(case: Case, record_of: RecordOf, at: int) -> None:
     record, run = record_of(case), case.observer.run
-    whole, first = run(**record, state=case.state), run(**cut(record, slice(at)), state=case.state)
-    second = run(**cut(record, slice(at, None)), state=first.state)
+    whole, first = run(**record, start=case.state), run(**cut(record, slice(at)), start=case.state)
+    second = run(**cut(record, slice(at, None)), start=first.end)
     assert same_rows(first, whole, slice(0, at))
     assert same_rows(second, whole, slice(at, SHORT))
     assert first.missing + second.missing == whole.missing
     assert np.array_equal(np.concatenate([first.time, second.time]), whole.time)
-    assert same(second.state, whole.state)
+    assert same(second.end, whole.end)
 
 
 def test_limits_and_midpoints_are_used(case: Case) -> None:
     record = detailed(case)
     if isinstance(case.observer, IntegratingObserver) and case.notices_midpoints:
-        run = case.observer.run(**record, state=case.state)
+        run = case.observer.run(**record, start=case.state)
         for name in ("before", "middle"):
             one = {key: value for key, value in record.items() if key != name}
-            assert not same_rows(case.observer.run(**one, state=case.state), run), name
+            assert not same_rows(case.observer.run(**one, start=case.state), run), name
     elif not isinstance(case.observer, IntegratingObserver):
         with pytest.raises(TypeError, match="unexpected keyword argument 'before'"):
             case.observer.step(case.state, *row_of(case, 0), before=row_of(case, 0))
@@ -171,15 +171,15 @@ def test_run_returns_one_row_per_input_row(case: Case, rows: int) -> None:
         assert len(run[name]) == rows, name
     for name, limits in run.before.items():
         assert limits.shape == run[name].shape
-    assert run.state.count == rows - 1
+    assert run.end.count == rows - 1
     last = [np.ravel(values) for values in row_of(case, rows - 1) if values is not None]
     row = np.concatenate(last)
     if len(row) == case.observer.measurements + case.observer.inputs:  # no derivatives to compute
-        assert np.array_equal(run.state.sample, row)
+        assert np.array_equal(run.end.sample, row)
 
 
 def test_state_is_not_modified_by_later_steps(case: Case) -> None:
-    state = part(case, 0, 9, case.state).state
+    state = part(case, 0, 9, case.state).end
     kept = pickle.loads(pickle.dumps(state))
     record = frozen(case.y), None if case.u is None else frozen(case.u)
     case = replace(
@@ -193,12 +193,12 @@ def test_state_is_not_modified_by_later_steps(case: Case) -> None:
 
 def test_run_without_a_state_starts_by_default_or_requires_one(case: Case) -> None:
     if type(case.observer)._start is Observer._start:
-        with pytest.raises(InputError, match=r"^state: must be given: \w+\.init says"):
-            observe(case, state=None)
+        with pytest.raises(InputError, match=r"^start: must be given: \w+\.init says"):
+            observe(case, start=None)
         return
-    run = observe(case, state=None)
+    run = observe(case, start=None)
     assert len(run) == len(case.y)
-    assert same_rows(observe(case, state=None), run)
+    assert same_rows(observe(case, start=None), run)
 
 
 # --- Time ---------------------------------------------------------------------------------------
@@ -208,7 +208,7 @@ def test_time_is_in_seconds(case: Case) -> None:
     period = case.observer.sampling_period
     run = part(case, 0, SHORT, case.state)
     assert np.array_equal(run.time, period * np.arange(SHORT))
-    later = part(case, SHORT, 2 * SHORT, run.state)
+    later = part(case, SHORT, 2 * SHORT, run.end)
     assert np.array_equal(later.time, period * np.arange(SHORT, 2 * SHORT))
     times = 1e3 + period * np.arange(len(case.y))
     stamped = observe(case, time=times)
@@ -281,8 +281,8 @@ def test_run_plots_itself(case: Case) -> None:
 
 def test_repr_is_one_line(case: Case) -> None:
     run = part(case, 0, SHORT, case.state)
-    _, estimate = case.observer.step(run.state, *row_of(case, SHORT))
-    for shown in (repr(case.observer), repr(run), repr(run.state), repr(estimate)):
+    _, estimate = case.observer.step(run.end, *row_of(case, SHORT))
+    for shown in (repr(case.observer), repr(run), repr(run.end), repr(estimate)):
         assert len(shown) < 600
         assert "\n" not in shown
         assert "object of type" not in shown
@@ -291,7 +291,7 @@ def test_repr_is_one_line(case: Case) -> None:
 
 
 def test_observers_and_states_compare_by_identity(case: Case) -> None:
-    state = part(case, 0, 3, case.state).state
+    state = part(case, 0, 3, case.state).end
     for one in (case.observer, state):
         assert one == one  # noqa: PLR0124
         assert one != pickle.loads(pickle.dumps(one))
@@ -316,9 +316,9 @@ def test_plant_is_first_argument_and_period_is_keyword() -> None:
 def test_arrays_are_read_only(case: Case) -> None:
     """The arrays of observers and states, from a run, a step, a copy or a pickle."""
     run = part(case, 0, 3, case.state)
-    state, _ = case.observer.step(run.state, *row_of(case, 3))
+    state, _ = case.observer.step(run.end, *row_of(case, 3))
     pickled = pickle.loads(pickle.dumps((case.observer, state)))
-    values = [case.observer, run.state, state, copy.deepcopy(state), *pickled]
+    values = [case.observer, run.end, state, copy.deepcopy(state), *pickled]
     count = 0
     for value in values:
         for array in arrays_in(value):
@@ -342,13 +342,13 @@ def arrays_in(value: Any) -> Iterator[Array]:
 
 def test_pickled_observer_resumes_bitwise_identically(case: Case) -> None:
     first = part(case, 0, 9, case.state)
-    observer, state, run = pickle.loads(pickle.dumps((case.observer, first.state, first)))
+    observer, state, run = pickle.loads(pickle.dumps((case.observer, first.end, first)))
     assert repr(observer) == repr(case.observer)
-    assert same(state, first.state)
+    assert same(state, first.end)
     assert isinstance(run, Run)
     assert same_rows(run, first)
-    rest = part(case, 9, SHORT, first.state)
-    assert same_rows(part(replace(case, observer=observer), 9, SHORT, run.state), rest)
+    rest = part(case, 9, SHORT, first.end)
+    assert same_rows(part(replace(case, observer=observer), 9, SHORT, run.end), rest)
 
 
 # --- Arguments ----------------------------------------------------------------------------------
@@ -368,7 +368,7 @@ def specialisations() -> int:
 
 def test_steps_compile_nothing(case: Case) -> None:
     """Kernels are compiled for writable arrays; those of states are read-only."""
-    state = part(case, 0, 3, case.state).state
+    state = part(case, 0, 3, case.state).end
     before = specialisations()
     for row in range(3, 6):
         state, _ = case.observer.step(state, *row_of(case, row))
@@ -400,14 +400,14 @@ KINDS: dict[str, Callable[[Array], Any]] = {
 @pytest.mark.parametrize("kind", KINDS)
 def test_array_likes_give_identical_bits_without_compilation(case: Case, kind: str) -> None:
     wanted = part(case, 0, SHORT, case.state)
-    state, estimate = case.observer.step(wanted.state, *row_of(case, SHORT))
+    state, estimate = case.observer.step(wanted.end, *row_of(case, SHORT))
     as_kind, before = KINDS[kind], specialisations()
     known = None if case.u is None else as_kind(case.u[:SHORT])
     found = observe(case, y=as_kind(case.y[:SHORT]), u=known)
     assert same_rows(found, wanted)
     y, u = row_of(case, SHORT)
     stepped, again = case.observer.step(
-        found.state, as_kind(np.atleast_1d(y)), None if u is None else as_kind(np.atleast_1d(u))
+        found.end, as_kind(np.atleast_1d(y)), None if u is None else as_kind(np.atleast_1d(u))
     )
     assert same(stepped, state)
     assert all(np.array_equal(again[name], estimate[name]) for name in estimate.estimates)
@@ -422,7 +422,7 @@ def test_invalid_records_are_refused_naming_argument_and_row(case: Case) -> None
     with pytest.raises(InputError, match=r"^time: has \d+ rows, must have \d+ like y$"):
         observe(case, time=np.arange(3.0))
     with pytest.raises(InputError, match=r"^state: "):
-        observe(case, state=case.y)
+        observe(case, start=case.y)
     with pytest.raises(InputError, match=r"^on_divergence: "):
         observe(case, on_divergence="ignore")
     if case.u is not None:
@@ -495,7 +495,7 @@ def test_divergence_is_reported_in_record_time(case: Case) -> None:
     clean = part(case, 0, 20, case.state)
     assert all(np.array_equal(run[name][:20], clean[name][: len(run)]) for name in clean.estimates)
     assert all(np.isfinite(run[name]).all() for name in run.estimates)
-    assert run.state is case.state
+    assert run.end is case.state
     with pytest.raises(
         DivergenceError, match=f"^{type(case.observer).__name__} diverged"
     ) as reported:
@@ -505,7 +505,7 @@ def test_divergence_is_reported_in_record_time(case: Case) -> None:
     rest = len(run)
     before = observe(case, y=y[:rest], u=None if u is None else u[:rest], time=times[:rest])
     again = case.observer.run(
-        y[rest:], None if u is None else u[rest:], state=before.state, time=times[rest:],
+        y[rest:], None if u is None else u[rest:], start=before.end, time=times[rest:],
         on_divergence="return",
     )  # fmt: skip
     assert len(again) == 0
@@ -557,4 +557,4 @@ def test_long_loops_can_be_interrupted(case: Case, monkeypatch: pytest.MonkeyPat
     y, u = (None if one is None else np.concatenate([one] * times) for one in (case.y, case.u))
     monkeypatch.setattr("reobserve.core.interrupts.next_poll", raise_it)
     with pytest.raises(SignalError):
-        case.observer.run(y, u, state=case.state, on_divergence="return")
+        case.observer.run(y, u, start=case.state, on_divergence="return")

@@ -24,7 +24,7 @@ PUSH = pd.DataFrame({"push": [0.0, 1.0, 0.0, 1.0]}, index=DATES)
 
 
 def run(y: Any, u: Any = PUSH, **given: Any) -> Any:
-    return KALMAN.run(y, u, state=KALMAN.init([0.0, 0.0], 1.0), **given)
+    return KALMAN.run(y, u, start=KALMAN.init([0.0, 0.0], 1.0), **given)
 
 
 def frame(names: str = "left right", index: Any = DATES) -> Any:
@@ -48,7 +48,7 @@ def test_smoother_takes_columns_by_name_and_keeps_dates() -> None:
         input_names=["push", "pull"],
     )  # fmt: skip
     kalman, u = KalmanFilter(model), frame("push pull")
-    filtered = kalman.run(pd.DataFrame(VALUES, index=DATES), u, state=kalman.init([0.0, 0.0], 1.0))
+    filtered = kalman.run(pd.DataFrame(VALUES, index=DATES), u, start=kalman.init([0.0, 0.0], 1.0))
     sought = rts_smoother(kalman, filtered, VALUES)
     found = rts_smoother(kalman, filtered, u[["pull", "push"]])
     assert np.array_equal(found["state"], sought["state"])
@@ -121,11 +121,11 @@ def test_sample_as_a_series_is_matched_by_name() -> None:
 def test_index_of_periods_is_one_of_times() -> None:
     model = LinearModel([[1.0]], C=[[1.0]], Q=1.0, R=1.0, sampling_period=3600.0)
     kalman, hours = KalmanFilter(model), pd.period_range("2026-01-01", periods=4, freq="h")
-    found = kalman.run(pd.Series(VALUES[:, 0], index=hours), state=kalman.init([0.0], 1.0))
+    found = kalman.run(pd.Series(VALUES[:, 0], index=hours), start=kalman.init([0.0], 1.0))
     assert found.to_pandas().index.equals(hours.to_timestamp())
     rows = pd.Series(VALUES[:3, 0], index=hours[[0, 1, 3]])
     with pytest.raises(InputError, match=r"y: has an index that goes from .* at row 2"):
-        kalman.run(rows, state=kalman.init([0.0], 1.0))
+        kalman.run(rows, start=kalman.init([0.0], 1.0))
 
 
 def test_count_of_rows_with_a_gap_is_refused() -> None:
@@ -156,15 +156,15 @@ def test_dates_as_time_are_seconds_since_1970(times: Any) -> None:
 def test_next_frame_goes_on_from_the_state_or_is_refused() -> None:
     whole = run(frame())
     first = run(frame().iloc[:2], PUSH.iloc[:2])
-    second = KALMAN.run(frame().iloc[2:], PUSH.iloc[2:], state=first.state)
+    second = KALMAN.run(frame().iloc[2:], PUSH.iloc[2:], start=first.end)
     assert np.array_equal(second["state"], whole["state"][2:])
     assert second.time.tolist() == [1.0, 1.5]
     for seconds in (60.0, -0.5, -1e6):
         later = frame().iloc[2:].set_axis(DATES[2:] + pd.Timedelta(seconds, "s"))
         with pytest.raises(InputError, match=r"y: has an index that begins at .* must go on by"):
-            KALMAN.run(later, PUSH.iloc[2:].to_numpy(), state=first.state)
+            KALMAN.run(later, PUSH.iloc[2:].to_numpy(), start=first.end)
     with pytest.raises(InputError, match=r"y: has an index that begins at"):
-        KALMAN.run(frame(), PUSH, state=whole.state)  # the same day again
+        KALMAN.run(frame(), PUSH, start=whole.end)  # the same day again
 
 
 def test_poles_outside_the_unit_circle_are_named() -> None:

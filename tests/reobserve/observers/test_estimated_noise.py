@@ -41,7 +41,7 @@ def test_rows_are_steps_of_expectation_maximisation() -> None:
     y = record(60, R)
     y[20, 0] = y[31] = np.nan
     observer = KalmanFilter(model(R), noise_memory=4.0)
-    run = observer.run(y, state=observer.init([0, 0], 1.0))
+    run = observer.run(y, start=observer.init([0, 0], 1.0))
     x, P, used = np.zeros(2), np.eye(2), R.copy()
     ratio = R[0, 1] / np.sqrt(R[0, 0] * R[1, 1])
     for k, row in enumerate(y):
@@ -64,7 +64,7 @@ def test_rows_are_steps_of_expectation_maximisation() -> None:
         np.testing.assert_allclose(run["state"][k], x, rtol=1e-9, atol=1e-12)
         apart = ratio * np.sqrt(variances[0] * variances[1])
         used = np.array([[variances[0], apart], [apart, variances[1]]])
-    again = observer.run(y[40:], state=observer.run(y[:40], state=observer.init([0, 0], 1)).state)
+    again = observer.run(y[40:], start=observer.run(y[:40], start=observer.init([0, 0], 1)).end)
     assert np.array_equal(again["noise_variance"], run["noise_variance"][40:])
 
 
@@ -72,11 +72,11 @@ def test_rows_are_steps_of_expectation_maximisation() -> None:
 def test_estimate_comes_to_the_noise_of_the_record(wrong: float) -> None:
     y = record(40_000, R)
     linear = KalmanFilter(model(wrong * R), noise_memory=100.0)
-    run = linear.run(y, state=linear.init([0, 0], 1.0))
+    run = linear.run(y, start=linear.init([0, 0], 1.0))
     found = run["noise_variance"][20_000:].mean(axis=0)
     np.testing.assert_allclose(found, R.diagonal(), rtol=0.03)
     right = KalmanFilter(model(R))
-    expected = right.run(y, state=right.init([0, 0], 1.0))
+    expected = right.run(y, start=right.init([0, 0], 1.0))
     assert run["log_likelihood"][20_000:].mean() == pytest.approx(
         expected["log_likelihood"][20_000:].mean(), abs=0.01
     )
@@ -88,7 +88,7 @@ def test_filters_of_the_same_linear_model_estimate_the_same() -> None:
         ["x + 0.1*v", "v"], ["x", "x + 0.5*v"], Q, R, state_names=["x", "v"], sampling_period=T
     )
     linear = KalmanFilter(model(R), noise_memory=5.0)
-    expected = linear.run(y, state=linear.init([0, 0], 1.0))["noise_variance"]
+    expected = linear.run(y, start=linear.init([0, 0], 1.0))["noise_variance"]
     for observer in (
         ExtendedKalmanFilter(text, noise_memory=5.0),
         UnscentedKalmanFilter(text, noise_memory=5.0),
@@ -96,14 +96,14 @@ def test_filters_of_the_same_linear_model_estimate_the_same() -> None:
         IMM([KalmanFilter(model(R))] * 2, [[0.9, 0.1], [0.2, 0.8]], mixing=False, noise_memory=5.0),
     ):
         state = observer.init([0, 0], 1.0)
-        run = observer.run(y, state=state)
+        run = observer.run(y, start=state)
         np.testing.assert_allclose(run["noise_variance"], expected, rtol=1e-9)
         for k, row in enumerate(y[:30]):
             state, estimate = observer.step(state, row)
             assert np.array_equal(estimate["noise_variance"], run["noise_variance"][k])
-    many = linear.run(np.array([y, y[::-1]]), state=linear.init([0, 0], 1.0))
+    many = linear.run(np.array([y, y[::-1]]), start=linear.init([0, 0], 1.0))
     assert np.array_equal(many["noise_variance"][0], expected)
-    assert np.array_equal(many.state[0].noise, expected[-1])
+    assert np.array_equal(many.end[0].noise, expected[-1])
 
 
 def test_bank_takes_the_mean_over_its_modes() -> None:
@@ -163,15 +163,15 @@ def test_noise_that_cannot_be_seen_is_refused() -> None:
         svsf(one, boundary_layer=1.0, convergence_rate=0.1, noise_memory=10.0)
     observer = KalmanFilter(one, noise_memory=10.0)
     with pytest.raises(InputError, match="R: must be left out"):
-        observer.run([0.0, 1.0], state=observer.init([0], 1), R=1.0)
+        observer.run([0.0, 1.0], start=observer.init([0], 1), R=1.0)
     with pytest.raises(InputError, match="S: must be left out"):
-        observer.run([0.0, 1.0], state=observer.init([0], 1), S=[[0.1]])
+        observer.run([0.0, 1.0], start=observer.init([0], 1), S=[[0.1]])
     continuous = LinearModel.from_ode([[-1]], C=[[1]], density=0.1, R=1.0, sampling_period=0.1)
     uneven = KalmanFilter(continuous, noise_memory=5.0)
     with pytest.raises(InputError, match="must go on by the sampling period"):
-        uneven.run([0.0, 0.0], state=uneven.init([0], 1), time=[0.0, 1.0])
-    with pytest.raises(InputError, match=r"state\.noise: is missing"):
-        observer.run([0.0], state=KalmanFilter(one).init([0], 1))
+        uneven.run([0.0, 0.0], start=uneven.init([0], 1), time=[0.0, 1.0])
+    with pytest.raises(InputError, match=r"start\.noise: is missing"):
+        observer.run([0.0], start=KalmanFilter(one).init([0], 1))
     other = LinearModel([[0.9]], C=[[1.0]], Q=1e-3, R=2.0)
     with pytest.raises(InputError, match=r"filters\[1\] has another R"):
         IMM([KalmanFilter(one), KalmanFilter(other)], np.eye(2), noise_memory=10.0)
@@ -183,5 +183,5 @@ def test_unknown_inputs_leave_the_noise_visible() -> None:
         plant, fault_matrix=[[0.05]], random_walk=1e-4, noise_memory=500.0
     )
     y = np.random.default_rng(2).normal(0.0, 2.0, 20_000)
-    run = observer.run(y, state=observer.init([0.0], 1.0))
+    run = observer.run(y, start=observer.init([0.0], 1.0))
     assert run["noise_variance"][10_000:].mean() == pytest.approx(4.0, rel=0.03)

@@ -89,7 +89,7 @@ def observed(case: Case, step: float, end: float) -> Run[ExtendedHighGainState]:
     built = observer(case, step)
     start = built.init([0.0, 0.0], delay=FIRST_DELAY)
     inputs = u[:, : case.order + 1]
-    return run_on_halves(built, y, inputs, state=start, on_divergence="return")
+    return run_on_halves(built, y, inputs, start=start, on_divergence="return")
 
 
 def together(run: Run[ExtendedHighGainState]) -> Array:
@@ -260,7 +260,7 @@ def inside(case: Case, step: float, run: Run[ExtendedHighGainState], k: int, sha
     built = observer(case, share * step)
     start = built.init(run["state"][k], delay=run["delay"][k])
     inputs = weights @ u[three, : case.order + 1]
-    return float(run_on_halves(built, weights @ y[three], inputs, state=start)["delay"][-1])
+    return float(run_on_halves(built, weights @ y[three], inputs, start=start)["delay"][-1])
 
 
 def test_projection_instants_agree_with_bisection() -> None:
@@ -297,7 +297,7 @@ def test_delay_stays_within_its_interval(seed: int) -> None:
     y, u = record(applied, step, end)
     built = observer(case, step)
     start = built.init(draw.uniform(-2, 2, 2), delay=draw.uniform(*case.bounds))
-    run = run_on_halves(built, y, u[:, : case.order + 1], state=start)
+    run = run_on_halves(built, y, u[:, : case.order + 1], start=start)
     assert run.diverged_at is None
     assert run["delay"].min() >= case.bounds[0]
     assert run["delay"].max() <= case.bounds[1]
@@ -334,6 +334,6 @@ def test_sliding_along_the_threshold_agrees_with_theory(step: float) -> None:
     )
     t = step * np.arange(round(0.5 / step) + 1)
     u = np.column_stack([0.5 * t**2 + 0.15 * t, t + 0.15, np.ones_like(t)])
-    run = made.run(np.full((len(t), 1), -4000.0), u, state=made.init([0.0], delay=0.2))
+    run = made.run(np.full((len(t), 1), -4000.0), u, start=made.init([0.0], delay=0.2))
     assert run["delay"] == pytest.approx(np.maximum(0.2, 2.0 * t + 0.1), abs=2.5 * step)
     assert np.mean(run["switched_off"][t > 0.06]) == pytest.approx(0.5, abs=0.05)

@@ -41,7 +41,7 @@ def test_stepping_and_piecewise_runs_are_bitwise_identical_to_one_run(switched: 
     rate = u[:, 1:]
     u, u_before = np.column_stack([a, rate]), np.column_stack([b, rate])
     start = built.init([0.0, 0.0], delay=FIRST_DELAY)
-    whole = run_on_halves(built, y, u, state=start, y_before=y_before, u_before=u_before)
+    whole = run_on_halves(built, y, u, start=start, y_before=y_before, u_before=u_before)
     assert 0.05 < whole["switched_off"][1:].mean() < 0.4
     state, found = stepped(built, start, y, u, y_before, u_before)
     for name in ("state", "delay", "switched_off"):
@@ -49,14 +49,14 @@ def test_stepping_and_piecewise_runs_are_bitwise_identical_to_one_run(switched: 
     first, rest = start, []
     for rows in (slice(801), slice(801, None)):
         run = run_on_halves(
-            built, y[rows], u[rows], state=first, y_before=y_before[rows], u_before=u_before[rows]
+            built, y[rows], u[rows], start=first, y_before=y_before[rows], u_before=u_before[rows]
         )
-        first = run.state
+        first = run.end
         rest.append(together(run))
     assert np.array_equal(np.concatenate(rest), together(whole))
-    assert run.state.count == state.count == whole.state.count == 1000
+    assert run.end.count == state.count == whole.end.count == 1000
     # The limits from the left are used: without them the run differs.
-    assert not np.array_equal(run_on_halves(built, y, u, state=start)["delay"], whole["delay"])
+    assert not np.array_equal(run_on_halves(built, y, u, start=start)["delay"], whole["delay"])
 
 
 # ---- Reports
@@ -70,13 +70,13 @@ def test_too_large_step_diverges_and_reports_the_time() -> None:
     assert 0 < run.diverged_at < 20
     assert len(run["delay"]) == round(run.diverged_at / step) + 1 == len(run["switched_off"])
     assert np.isfinite(together(run)).all()
-    assert run.state.count == 0, "the state that the run started from"
+    assert run.end.count == 0, "the state that the run started from"
     (y, u), built = record("sine", step, 20.0), observer(case, step)
     last, start = 2 * len(run) - 1, built.init([0.0, 0.0], delay=FIRST_DELAY)
-    before = run_on_halves(built, y[:last], u[:last], state=start)
+    before = run_on_halves(built, y[:last], u[:last], start=start)
     assert before.diverged_at is None
     with pytest.raises(DivergenceError, match=f"finite up to t = {run.diverged_at:g} s and not"):
-        built.step(before.state, y[last + 1], u[last + 1], middle=(y[last], u[last]))
+        built.step(before.end, y[last + 1], u[last + 1], middle=(y[last], u[last]))
 
 
 @pytest.mark.parametrize("switched", ["delay", "all"])
@@ -97,7 +97,7 @@ def test_threshold_that_is_never_exceeded_warns(switched: str) -> None:
         state, found = stepped(built, built.init([0.0, 0.0], delay=FIRST_DELAY), y, u)
     assert np.array_equal(rows_of(found, "switched_off"), [0.0, *np.ones(100)])
     with pytest.warns(SwitchedOffWarning, match=sentence) as reported:
-        built.run(y[1:], u[1:], state=state)
+        built.run(y[1:], u[1:], start=state)
     assert reported[-1].filename == __file__
 
 
@@ -186,7 +186,7 @@ BAD_RECORDS: list[Any] = [
 def test_invalid_records_are_refused(changed: dict[str, Any], sentence: str) -> None:
     built = ExtendedHighGainObserver(**GOOD)
     rows: dict[str, Any] = {"y": Y, "u": U, **changed}
-    refused(lambda: built.run(**rows, state=built.init([0, 0], delay=FIRST_DELAY)), sentence)
+    refused(lambda: built.run(**rows, start=built.init([0, 0], delay=FIRST_DELAY)), sentence)
 
 
 @pytest.mark.parametrize(
@@ -206,6 +206,6 @@ def test_state_of_another_observer_is_refused() -> None:
         ExtendedHighGainObserver(**GOOD),
         ExtendedHighGainObserver(**{**GOOD, "order": 1}),
     )
-    problem = "state: must be of an observer of 2 states and the order 2"
-    refused(lambda: built.run(Y, U, state=ExtendedHighGainState(np.zeros(2), np.zeros(3))), problem)
-    refused(lambda: built.run(Y, U, state=other.init([0, 0], delay=FIRST_DELAY)), problem)
+    problem = "start: must be of an observer of 2 states and the order 2"
+    refused(lambda: built.run(Y, U, start=ExtendedHighGainState(np.zeros(2), np.zeros(3))), problem)
+    refused(lambda: built.run(Y, U, start=other.init([0, 0], delay=FIRST_DELAY)), problem)

@@ -68,7 +68,7 @@ def test_sampling_is_exact_for_known_intersample_behaviour(known: str, gains: Ga
     C, Eo = system.C_tilde, np.eye(6) + gains.Ld @ system.C_tilde
     start, filtered = np.linspace(-1, 1, 6), np.array([0.3, -0.2])
     observer = ExtendedStateObserver(system, gains=gains, sampling_period=period)
-    run = observer.run(**samples, state=observer.init(start, filtered=filtered))
+    run = observer.run(**samples, start=observer.init(start, filtered=filtered))
     z = np.concatenate([filtered, Eo @ start - gains.Ld @ filtered])
     for k in range(12):
         x = np.linalg.solve(Eo, z[2:] + gains.Ld @ z[:2])
@@ -114,7 +114,7 @@ def test_printed_sign_inverts_the_sensor_fault() -> None:
     assert np.array_equal(printed.F[2:, 1], -SYSTEM.F[2:, 1])
     turned = Gains(SENSOR_ROWS * PD_PI.L, SENSOR_ROWS * PD_PI.Ld)
     run, other = (
-        observer.run(**record("samples"), state=observer.init())
+        observer.run(**record("samples"), start=observer.init())
         for observer in (
             ExtendedStateObserver(SYSTEM, gains=PD_PI, sampling_period=0.01),
             ExtendedStateObserver(printed, gains=turned, sampling_period=0.01),
@@ -163,7 +163,7 @@ def test_filter_scales_with_its_rates() -> None:
     x = np.linalg.solve(-SYSTEM.A, [0.0, 2 * 1.3])
     y = x + np.array([0.4, 0.0])
     start = observer.init([*x, *y, 0.3, 0.4], filtered=y)
-    run = observer.run(np.tile(y, (50, 1)), np.ones((50, 1)), state=start)
+    run = observer.run(np.tile(y, (50, 1)), np.ones((50, 1)), start=start)
     assert np.abs(stacked(run) - [*x, 0.3, 0.4]).max() < 1e-12
 
 
@@ -236,9 +236,9 @@ Y, U = np.zeros((4, 2)), np.zeros((4, 1))
 
 def test_state_of_another_observer_is_refused() -> None:
     state = EsoState(np.zeros(2), np.zeros(5))
-    with pytest.raises(InputError, match=r"^state: must be of an observer of size 6"):
+    with pytest.raises(InputError, match=r"^start: must be of an observer of size 6"):
         ExtendedStateObserver(SYSTEM, gains=PI, sampling_period=0.01).run(
-            np.zeros((4, 2)), np.zeros((4, 1)), state=state
+            np.zeros((4, 2)), np.zeros((4, 1)), start=state
         )
 
 

@@ -66,9 +66,9 @@ def test_bank_is_the_interacting_multiple_model_of_its_definition() -> None:
     run = ours.run(
         y,
         u,
-        state=ours.init([0, 0], 1e-2, fault=[0.1, 0.0], fault_covariance=0.5, rate_covariance=1e-4),
+        start=ours.init([0, 0], 1e-2, fault=[0.1, 0.0], fault_covariance=0.5, rate_covariance=1e-4),
     )
-    expected = other.run(y, u, state=other.init([0, 0, 0.1, 0, 0, 0], P, probabilities=[1, 0, 0]))
+    expected = other.run(y, u, start=other.init([0, 0, 0.1, 0, 0, 0], P, probabilities=[1, 0, 0]))
     whole = np.hstack([run["state"], run["fault"], run["fault_rate"]])
     np.testing.assert_allclose(whole, expected["state"], rtol=1e-8, atol=1e-10)
     variances = np.hstack([run["variance"], run["fault_variance"], run["fault_rate_variance"]])
@@ -87,7 +87,7 @@ def test_bank_is_the_interacting_multiple_model_of_its_definition() -> None:
 def test_jump_is_followed_at_once_and_a_drift_without_noise() -> None:
     y, u, fault = record()
     ours = bank()
-    run = ours.run(y, u, state=ours.init([0, 0], 1e-2))
+    run = ours.run(y, u, start=ours.init([0, 0], 1e-2))
     error = run["fault"] - fault
     assert run["probability"][:195, 0].mean() > 0.95
     assert run["probability"][200:206, 1].max() > 0.5
@@ -96,7 +96,7 @@ def test_jump_is_followed_at_once_and_a_drift_without_noise() -> None:
         one = AugmentedKalmanFilter(
             PLANT, fault_matrix=E, random_walk=[walk, 1e-5], output_fault_matrix=F
         )
-        other = one.run(y, u, state=one.init([0, 0], 1e-2, unknown_input_covariance=1e-6))
+        other = one.run(y, u, start=one.init([0, 0], 1e-2, unknown_input_covariance=1e-6))
         off = other["unknown_input"] - fault
         best = min(best, float(np.sqrt((off[:, 0] ** 2).mean())))
     assert np.sqrt((error[:, 0] ** 2).mean()) < best
@@ -116,7 +116,7 @@ def test_estimates_do_not_depend_on_the_unit_of_a_fault() -> None:
             jump_time=0.3,
             output_fault_matrix=F / scale,
         )
-        found.append(one.run(y, u, state=one.init([0, 0], 1e-2)))
+        found.append(one.run(y, u, start=one.init([0, 0], 1e-2)))
         np.testing.assert_allclose(
             found[-1]["fault"] / scale, found[0]["fault"], rtol=1e-6, atol=1e-9
         )

@@ -46,7 +46,7 @@ def test_system_with_feedthrough_is_tracked_without_innovations(
     u = np.array([np.sin(0.02 * k**1.5), np.cos(0.3 * k)])
     done = control.forced_response(plant, inputs=u, initial_state=START, return_states=True)
     made = build(MODEL)
-    run = made.run(done.outputs.T, u.T, state=made.init(START, 0.5))
+    run = made.run(done.outputs.T, u.T, start=made.init(START, 0.5))
     assert np.abs(done.outputs).max() > 1.0
     assert np.abs(run["innovation"]).max() < 1e-12
     assert np.abs(run["state"] - done.states.T).max() < 1e-12

@@ -62,7 +62,7 @@ def same_bits(one: dict[str, Array], other: dict[str, Array]) -> bool:
 
 def reported(*runs: Run[KalmanState]) -> dict[str, Array]:
     """The results of consecutive runs, and the last state."""
-    state = runs[-1].state
+    state = runs[-1].end
     joined = {name: np.concatenate([run[name] for run in runs]) for name in runs[0].estimates}
     assert state.sample is not None
     return {
@@ -89,7 +89,7 @@ def relative(found: Array, expected: Array) -> float:
 def test_information_from_constant_measurements_adds_up() -> None:
     z = 3.0 + 2.0 * ripple(500)
     kalman = KalmanFilter(ONE)
-    run = kalman.run(z, state=kalman.init([1.0], 9.0))
+    run = kalman.run(z, start=kalman.init([1.0], 9.0))
     count = np.arange(1, 501)
     information = 1 / 9 + count / 4.0
     assert run["variance"][:, 0] == pytest.approx(1 / information, rel=1e-13)
@@ -101,7 +101,7 @@ def test_likelihoods_multiply_to_the_density_of_the_record() -> None:
     # z ~ N(1, 9 * ones + 4 I): determinant and inverse in closed form.
     z = 3.0 + 2.0 * ripple(40)
     kalman = KalmanFilter(ONE)
-    run = kalman.run(z, state=kalman.init([1.0], 9.0))
+    run = kalman.run(z, start=kalman.init([1.0], 9.0))
     d = z[:, 0] - 1.0
     distance = d @ d / 4 - 9 / (16 * (1 + 40 * 9 / 4)) * d.sum() ** 2
     log_determinant = 40 * np.log(4) + np.log(1 + 40 * 9 / 4)
@@ -117,14 +117,14 @@ def test_covariance_converges_to_the_riccati_solution(build: Any, mode: str) -> 
     kalman = KalmanFilter(model)
     rows, m = 3000, model.outputs
     still = np.zeros((rows, m)), np.zeros((rows, 1))
-    run = kalman.run(*still, state=kalman.init(np.zeros(model.states), 1.0))
+    run = kalman.run(*still, start=kalman.init(np.zeros(model.states), 1.0))
     expected = solve_discrete_are(A.T, H.T, Q, R)
-    found = kalman.predict(run.state.posterior, [0.0]).covariance
+    found = kalman.predict(run.end.posterior, [0.0]).covariance
     assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs((found - expected) / scale).max() < 1e-9
     predicted = np.sqrt(np.diag(H @ expected @ H.T + R))
-    assert np.allclose(innovation_deviation(kalman, run.state), predicted, rtol=1e-9)
+    assert np.allclose(innovation_deviation(kalman, run.end), predicted, rtol=1e-9)
 
 
 def test_exact_noise_free_model_is_tracked_from_any_initial_state() -> None:
@@ -336,8 +336,8 @@ def test_weighted_inverse_does_not_depend_on_coordinates() -> None:
     plain = LinearModel(A, B, H[1:], Q=Q, R=R[1:, 1:], D=D[1:])
     z, u = motion_record(300)
     one, two = weighted(plain), weighted(turned)
-    found = one.run(z[:, 1:], u, state=one.init(np.zeros(5), np.eye(5)))
-    other = two.run(z[:, 1:], u, state=two.init(np.zeros(5), turn @ turn.T))
+    found = one.run(z[:, 1:], u, start=one.init(np.zeros(5), np.eye(5)))
+    other = two.run(z[:, 1:], u, start=two.init(np.zeros(5), turn @ turn.T))
     np.testing.assert_allclose(other["state"] @ back.T, found["state"], rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(other["log_likelihood"], found["log_likelihood"], rtol=1e-6)
     # With a thin layer and gamma = 0, no output error remains.
@@ -388,11 +388,11 @@ def test_stepping_and_split_runs_are_bitwise_identical(made: GaussianFilter, bef
     z, u = motion_record(120)
     z[40, 1] = z[41] = np.nan
     start = made.init(np.zeros(5), 1.0, u=u[0] if before else None)
-    run = made.run(z, u, state=start)
+    run = made.run(z, u, start=start)
     assert same_bits(by_steps(made, z, start, u), reported(run))
     for cut in (1, 42, 57):  # after 42 the last measurement is missing
-        first = made.run(z[:cut], u[:cut], state=start)
-        second = made.run(z[cut:], u[cut:], state=first.state)
+        first = made.run(z[:cut], u[:cut], start=start)
+        second = made.run(z[cut:], u[cut:], start=first.end)
         assert same_bits(reported(first, second), reported(run))
         assert first.missing + second.missing == run.missing == 2
         assert np.array_equal(np.append(first.time, second.time), run.time)
@@ -407,7 +407,7 @@ def test_first_row_corrects_and_later_rows_predict_with_the_previous_input(
 ) -> None:
     z, u = motion_record(9)
     start = made.init(np.linspace(0, 1, 5), 1.0)
-    run = made.run(z, u, state=start)
+    run = made.run(z, u, start=start)
     found = made.correct(start.posterior, z[0], u[0])
     for k in range(9):
         if k:
@@ -416,7 +416,7 @@ def test_first_row_corrects_and_later_rows_predict_with_the_previous_input(
         assert np.array_equal(run["innovation"][k], found.innovation)
     moved = u.copy()
     moved[-1] += 1.0  # feeds through to the last row, and drives no later row
-    changed = made.run(z, moved, state=start)
+    changed = made.run(z, moved, start=start)
     assert np.array_equal(changed["state"][:-1], run["state"][:-1])
     apart = run["innovation"][-1] - changed["innovation"][-1]
     assert apart == pytest.approx(MOTION.D[:, 0], rel=1e-12)
@@ -427,9 +427,9 @@ def test_missing_measurements_are_bridged_by_prediction(made: GaussianFilter) ->
     z, u = motion_record(60)
     z[20:30] = np.nan
     start = made.init(np.zeros(5), 1.0)
-    run = made.run(z, u, state=start)
+    run = made.run(z, u, start=start)
     assert run.missing == 10
-    posterior = made.run(z[:20], u[:20], state=start).state.posterior
+    posterior = made.run(z[:20], u[:20], start=start).end.posterior
     last = posterior.error
     for k in range(20, 30):
         posterior = made.predict(posterior, u[k - 1])
@@ -460,7 +460,7 @@ def test_partial_measurement_corrects_like_a_reduced_model(kind: str, lost: list
 
     z, u = motion_record(20)
     whole, kept = made([0, 1, 2]), [o for o in range(3) if o not in lost]
-    posterior = whole.run(z, u, state=whole.init(np.linspace(0, 1, 5), 1.0)).state.posterior
+    posterior = whole.run(z, u, start=whole.init(np.linspace(0, 1, 5), 1.0)).end.posterior
     partial = z[-1] + 0.1
     partial[lost] = np.nan
     found = whole.correct(posterior, partial, u[-1])
@@ -484,8 +484,8 @@ def test_partial_measurement_corrects_like_a_reduced_model(kind: str, lost: list
 def test_correction_reports_innovation_and_likelihood() -> None:
     kalman = KalmanFilter(MOTION)
     z, u = motion_record(5)
-    run = kalman.run(z[:4], u[:4], state=kalman.init(np.zeros(5), 1.0))
-    posterior = run.state.posterior
+    run = kalman.run(z[:4], u[:4], start=kalman.init(np.zeros(5), 1.0))
+    posterior = run.end.posterior
     found = kalman.correct(kalman.predict(posterior, u[3]), z[4], u[4])
     A, B, H, D, Q, R = MOTION.arrays
     P = A @ posterior.covariance @ A.T + Q
@@ -495,7 +495,7 @@ def test_correction_reports_innovation_and_likelihood() -> None:
     assert found.innovation_covariance == pytest.approx(S, rel=1e-12, abs=1e-12)
     logged = -0.5 * (e @ np.linalg.solve(S, e) + np.linalg.slogdet(2 * np.pi * S)[1])
     assert found.log_likelihood == pytest.approx(logged, rel=1e-13)
-    row = kalman.step(run.state, z[4], u[4])[1]
+    row = kalman.step(run.end, z[4], u[4])[1]
     assert np.array_equal(row["innovation"], found.innovation)
     assert row["log_likelihood"] == found.log_likelihood
 
@@ -503,10 +503,10 @@ def test_correction_reports_innovation_and_likelihood() -> None:
 def test_input_of_the_first_row_is_used_with_feedthrough() -> None:
     z, u = motion_record(3)
     kalman = KalmanFilter(MOTION)
-    run = kalman.run(z[:1], u[:1], state=kalman.init(np.zeros(5), 1.0))
+    run = kalman.run(z[:1], u[:1], start=kalman.init(np.zeros(5), 1.0))
     assert run["innovation"][0] == pytest.approx(z[0] - MOTION.D @ u[0], rel=1e-15)
     still = KalmanFilter(replace(MOTION, D=None))
-    runs = [still.run(z[:1], v, state=still.init(np.zeros(5), 1.0)) for v in (u[:1], u[:1] + 1)]
+    runs = [still.run(z[:1], v, start=still.init(np.zeros(5), 1.0)) for v in (u[:1], u[:1] + 1)]
     assert np.array_equal(runs[0]["state"], runs[1]["state"])
 
 
@@ -567,21 +567,21 @@ def test_overflowing_variance_is_reported_with_its_row(taken: bool) -> None:
     start = smooth.init([1.0, 1.0], 1.0, u=())
     # The variance after k rows is 100^k: beyond the largest float, 1.8e308, after 155 of them.
     z = np.full((400, 1), 0.3 if taken else np.nan)
-    run = smooth.run(z, state=start, on_divergence="return")
+    run = smooth.run(z, start=start, on_divergence="return")
     assert run.diverged_at == pytest.approx(154 * 0.25)  # the last row that is finite
     assert run["state"].shape == (154, 2)
     assert run.time[-1] == run.diverged_at
     assert run["variance"][-1, 0] == pytest.approx(1e308, rel=1e-12)
     assert np.isfinite(run["variance"]).all()
     assert run.missing == (0 if taken else 154)
-    assert run.state.posterior is start.posterior
+    assert run.end.posterior is start.posterior
 
 
 def test_overflowing_mean_is_reported_with_its_row() -> None:
     # Without uncertainty of state 1 its covariance stays zero, and the mean is 10^k.
     smooth = svsf(UNSEEN, 1.0)
     start = smooth.init([1.0, 1.0], [0.0, 1.0], u=())
-    run = smooth.run(np.full((400, 1), 0.3), state=start, on_divergence="return")
+    run = smooth.run(np.full((400, 1), 0.3), start=start, on_divergence="return")
     assert run.diverged_at == len(run) == 308
     assert run["state"][-1, 0] == pytest.approx(1e308, rel=1e-12)
 
@@ -600,16 +600,16 @@ def test_diverging_step_is_reported() -> None:
 @pytest.mark.parametrize(
     ("sample", "said"),
     [
-        ([np.nan], r"state.sample: \[nan\] must be 1 measurements and 1 finite inputs"),
-        ([0.0, np.nan], r"state.sample: \[0.0, nan\] must be 1 measurements and 1 finite inputs"),
-        ("x", "state.sample: 'x' is not a number or an array of numbers"),
+        ([np.nan], r"start.sample: \[nan\] must be 1 measurements and 1 finite inputs"),
+        ([0.0, np.nan], r"start.sample: \[0.0, nan\] must be 1 measurements and 1 finite inputs"),
+        ("x", "start.sample: 'x' is not a number or an array of numbers"),
     ],
 )
 def test_invalid_states_of_a_step_are_refused(sample: Any, said: str) -> None:
     kalman = KalmanFilter(NORMAL)
     state = replace(kalman.init(np.zeros(4), 1.0), sample=sample)
     with pytest.raises(InputError, match=f"^{said}$"):
-        kalman.run([[0.0]], [[0.0]], state=state)
+        kalman.run([[0.0]], [[0.0]], start=state)
 
 
 # --- Noise that changes from row to row ---------------------------------------------------------
@@ -626,7 +626,7 @@ def test_time_varying_noise_agrees_with_filterpy() -> None:
     z = simulated(NORMAL, u) + 0.1 * ripple(120)
     Q, R = changing_noise(120)
     kalman = KalmanFilter(NORMAL)
-    run = kalman.run(z, u, state=kalman.init(np.zeros(4), CORRELATED), Q=Q, R=R)
+    run = kalman.run(z, u, start=kalman.init(np.zeros(4), CORRELATED), Q=Q, R=R)
     peer = filterpy.kalman.KalmanFilter(4, 1, 1)
     peer.F, peer.B, peer.H = (part.copy() for part in NORMAL.arrays[:3])
     peer.P = CORRELATED.copy()
@@ -648,25 +648,25 @@ def test_time_varying_noise_is_identical_by_steps_and_runs(made: GaussianFilter)
     z[5] = np.nan
     Q, R = changing_noise(40)
     start = made.init(np.zeros(4), 1.0)
-    whole = made.run(z, u, state=start, Q=Q, R=R)
-    first = made.run(z[:15], u[:15], state=start, Q=Q[:15], R=R[:15])
-    rest = made.run(z[15:], u[15:], state=first.state, Q=Q[15:], R=R[15:])
+    whole = made.run(z, u, start=start, Q=Q, R=R)
+    first = made.run(z[:15], u[:15], start=start, Q=Q[:15], R=R[:15])
+    rest = made.run(z[15:], u[15:], start=first.end, Q=Q[15:], R=R[15:])
     assert same_bits(reported(whole), reported(first, rest))
     state = start
     for k in range(40):
         state, row = made.step(state, z[k], u[k], Q=Q[k], R=R[k])
         for name in whole.estimates:
             assert np.array_equal(row[name], whole[name][k], equal_nan=True), (name, k)
-    constant = made.run(z, u, state=start, Q=np.tile(NORMAL.Q, (40, 1, 1)), R=NORMAL.R)
-    assert np.array_equal(constant["covariance"], made.run(z, u, state=start)["covariance"])
+    constant = made.run(z, u, start=start, Q=np.tile(NORMAL.Q, (40, 1, 1)), R=NORMAL.R)
+    assert np.array_equal(constant["covariance"], made.run(z, u, start=start)["covariance"])
 
 
 def test_noise_of_wrong_shape_or_sign_is_refused() -> None:
     kalman = KalmanFilter(NORMAL)
     start, z, u = kalman.init(np.zeros(4), 1.0), np.zeros(3), np.zeros(3)
     with pytest.raises(InputError, match=r"^Q: has shape \(2, 4, 4\), must be one covariance or"):
-        kalman.run(z, u, state=start, Q=np.zeros((2, 4, 4)))
+        kalman.run(z, u, start=start, Q=np.zeros((2, 4, 4)))
     R = np.ones((3, 1, 1))
     R[1] = -2.0
     with pytest.raises(InputError, match=r"^R\[1\]: must be positive definite"):
-        kalman.run(z, u, state=start, R=R)
+        kalman.run(z, u, start=start, R=R)

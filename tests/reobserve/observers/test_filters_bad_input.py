@@ -245,7 +245,7 @@ def test_invalid_input_before_the_first_row_is_refused(u: Any, said: str) -> Non
 def test_missing_state_and_state_of_another_filter_are_refused() -> None:
     # A compiled loop would read and write out of bounds.
     kalman = KalmanFilter(PLAIN)
-    with pytest.raises(InputError, match=r"^state: must be given: KalmanFilter.init says what it"):
+    with pytest.raises(InputError, match=r"^start: must be given: KalmanFilter.init says what it"):
         kalman.run([[1.0]], [[0.0]])
     other = KalmanFilter(NO_INPUT).init([0.0], 1.0)
     said = (
@@ -253,17 +253,17 @@ def test_missing_state_and_state_of_another_filter_are_refused() -> None:
         r"must be of 2 states, 1 outputs$"
     )
     with pytest.raises(InputError, match=rf"^state\.{said}"):
-        kalman.run([[1.0]], [[0.0]], state=other)
+        kalman.run([[1.0]], [[0.0]], start=other)
     with pytest.raises(InputError, match=f"^{said}"):
         kalman.predict(other.posterior, [0.0])
     with pytest.raises(InputError, match=f"^{said}"):
         kalman.correct(other.posterior, [1.0], [0.0])
     state = bank(2).init([0.0, 0.0], 1.0)
     with pytest.raises(InputError, match=r"must be of 3 filters of 2 states and 1 outputs$"):
-        bank(3).run([[1.0]], [[0.0]], state=state)
+        bank(3).run([[1.0]], [[0.0]], start=state)
     filters = IMM([KalmanFilter(NO_INPUT)] * 2, np.eye(2))
-    with pytest.raises(InputError, match=r"^state: has arrays of shapes \(2, 2\)"):
-        filters.run([[1.0]], state=state)
+    with pytest.raises(InputError, match=r"^start: has arrays of shapes \(2, 2\)"):
+        filters.run([[1.0]], start=state)
 
 
 # --- Banks --------------------------------------------------------------------------------------

@@ -59,7 +59,7 @@ def test_error_follows_the_placed_poles() -> None:
     truth = [np.array([1.0, -2.0, 0.5, 1.0])]
     for k in range(29):
         truth.append(NORMAL.A @ truth[-1] + NORMAL.B @ u[k])
-    run = observer.run(np.array(truth) @ NORMAL.C.T, u, state=observer.init(np.zeros(4)))
+    run = observer.run(np.array(truth) @ NORMAL.C.T, u, start=observer.init(np.zeros(4)))
     error = run["state"] - truth
     coefficients = np.poly(POLES).real[::-1]
     left = [coefficients @ error[k : k + 5] for k in range(25)]
@@ -74,7 +74,7 @@ def test_deadbeat_poles_find_the_state_in_n_rows() -> None:
     for control in u:
         truth.append(x)
         x = model.A @ x + model.B @ control
-    run = observer.run(np.array(truth)[:, :1], u, state=observer.init([5.0, 5.0]))
+    run = observer.run(np.array(truth)[:, :1], u, start=observer.init([5.0, 5.0]))
     assert run["state"][2:] == pytest.approx(np.array(truth)[2:], abs=1e-11)
     assert np.abs(run["state"][0] - truth[0]).max() > 0.1
 
@@ -82,9 +82,7 @@ def test_deadbeat_poles_find_the_state_in_n_rows() -> None:
 def test_steady_filter_equals_kalman_filter_at_steady_covariance() -> None:
     fixed, kalman = steady_kalman(NORMAL), KalmanFilter(NORMAL)
     still = np.zeros((5000, 1))
-    settled = kalman.run(
-        still, still, state=kalman.init(np.zeros(4), 1.0)
-    ).state.posterior.covariance
+    settled = kalman.run(still, still, start=kalman.init(np.zeros(4), 1.0)).end.posterior.covariance
     u = square_wave(300, 40)
     z = simulated(NORMAL, u) + 0.01 * ripple(300)
     runs = [run_over(one, z, u, np.zeros(4), settled) for one in (kalman, fixed)]
@@ -96,7 +94,7 @@ def test_steady_filter_equals_kalman_filter_at_steady_covariance() -> None:
 def test_estimates_do_not_depend_on_the_covariance() -> None:
     observer, u = luenberger(NORMAL, POLES), square_wave(50, 7)
     z = simulated(NORMAL, u)
-    runs = [observer.run(z, u, state=observer.init(np.zeros(4), *more)) for more in ((), (3.0,))]
+    runs = [observer.run(z, u, start=observer.init(np.zeros(4), *more)) for more in ((), (3.0,))]
     assert np.array_equal(runs[0]["state"], runs[1]["state"])
     assert not np.array_equal(runs[0]["variance"], runs[1]["variance"])
     certain = observer.init(np.zeros(4)).posterior.covariance

@@ -40,15 +40,15 @@ KINDS = [(KalmanFilter, MODEL), (ExtendedKalmanFilter, TEXT), (UnscentedKalmanFi
 @pytest.mark.parametrize(("kind", "model"), KINDS)
 def test_skipped_outlier_is_a_missing_measurement(kind: type, model: object) -> None:
     plain, gated = kind(model), kind(model, gate=6)
-    expected = plain.run(HOLES, state=plain.init([0, 0], 1))
-    run = gated.run(SPOILT, state=gated.init([0, 0], 1))
+    expected = plain.run(HOLES, start=plain.init([0, 0], 1))
+    run = gated.run(SPOILT, start=gated.init([0, 0], 1))
     for name in expected:
         assert np.array_equal(run[name], expected[name], equal_nan=True), name
     assert run.outliers == 3
     assert run.missing == 0
     assert np.argwhere(run["outlier"]).tolist() == [[100, 0], [120, 1], [121, 1]]
     # In deviations of what the filter without that row predicted.
-    before = plain.run(SPOILT[:101], state=plain.init([0, 0], 1))
+    before = plain.run(SPOILT[:101], start=plain.init([0, 0], 1))
     S = before["innovation_covariance"][100, 0, 0]
     assert run["outlier"][100, 0] == pytest.approx(before["innovation"][100, 0] / np.sqrt(S))
     assert 100 in run.diagnostics().far
@@ -57,7 +57,7 @@ def test_skipped_outlier_is_a_missing_measurement(kind: type, model: object) -> 
 @pytest.mark.parametrize(("kind", "model"), KINDS)
 def test_inflated_outlier_is_at_the_gate(kind: type, model: object) -> None:
     gated = kind(model, gate=6, outliers="inflate")
-    run = gated.run(SPOILT, state=gated.init([0, 0], 1))
+    run = gated.run(SPOILT, start=gated.init([0, 0], 1))
     deviations = run["innovation"] / np.sqrt(
         np.diagonal(run["innovation_covariance"], axis1=1, axis2=2)
     )
@@ -69,11 +69,11 @@ def test_inflated_outlier_is_at_the_gate(kind: type, model: object) -> None:
     R = np.repeat(MODEL.R[None], 200, axis=0)
     plain = kind(model)
     for row, output in np.argwhere(run["outlier"]):
-        until = plain.run(SPOILT[: row + 1], state=plain.init([0, 0], 1), R=R[: row + 1])
+        until = plain.run(SPOILT[: row + 1], start=plain.init([0, 0], 1), R=R[: row + 1])
         R[row, output, output] += (
             S[row, output] - until["innovation_covariance"][row, output, output]
         )
-    expected = plain.run(SPOILT, state=plain.init([0, 0], 1), R=R)
+    expected = plain.run(SPOILT, start=plain.init([0, 0], 1), R=R)
     np.testing.assert_allclose(run["state"], expected["state"], rtol=0, atol=1e-12)
     np.testing.assert_allclose(run["covariance"], expected["covariance"], rtol=1e-9, atol=1e-16)
     np.testing.assert_allclose(run["log_likelihood"], expected["log_likelihood"], atol=1e-9)
@@ -87,27 +87,27 @@ def test_bank_leaves_out_what_all_filters_would_leave_out() -> None:
         [KalmanFilter(MODEL), ExtendedKalmanFilter(TEXT)],  # called one by one
     ):
         plain, gated = IMM(filters, transition), IMM(filters, transition, gate=6)
-        expected = plain.run(HOLES, state=plain.init([0, 0], 1))
-        run = gated.run(SPOILT, state=gated.init([0, 0], 1))
+        expected = plain.run(HOLES, start=plain.init([0, 0], 1))
+        run = gated.run(SPOILT, start=gated.init([0, 0], 1))
         for name in expected:
             assert np.array_equal(run[name], expected[name], equal_nan=True), name
         assert run.outliers == 3
     # A mode that expects such measurements keeps them.
     bank = IMM([KalmanFilter(MODEL), KalmanFilter(wide)], transition, gate=6)
-    run = bank.run(SPOILT, state=bank.init([0, 0], 1))
+    run = bank.run(SPOILT, start=bank.init([0, 0], 1))
     assert run.outliers == 0
     assert run["probability"][100, 1] > 0.999
 
 
 def test_steps_and_many_records_give_what_a_run_gives() -> None:
     gated = KalmanFilter(MODEL, gate=6)
-    run = gated.run(SPOILT, state=gated.init([0, 0], 1))
+    run = gated.run(SPOILT, start=gated.init([0, 0], 1))
     state = gated.init([0, 0], 1)
     for k, y in enumerate(SPOILT):
         state, estimate = gated.step(state, y)
         for name in run:
             assert np.array_equal(estimate[name], run[name][k], equal_nan=True), name
-    many = gated.run(np.array([SPOILT, Y]), state=gated.init([0, 0], 1))
+    many = gated.run(np.array([SPOILT, Y]), start=gated.init([0, 0], 1))
     assert many.outliers.tolist() == [3, 0]
     assert np.array_equal(many["state"][0], run["state"])
 
@@ -121,10 +121,10 @@ WITH_S: dict[str, Callable[..., Any]] = {
     "bank": lambda **rules: IMM([KalmanFilter(MODEL)] * 2, [[0.9, 0.1], [0.1, 0.9]], **rules),
 }
 GIVEN: dict[str, Callable[..., Any]] = {
-    "run": lambda one, state: one.run(Y[:5], state=state, S=CROSS),
-    "by row": lambda one, state: one.run(Y[:5], state=state, S=np.array([CROSS] * 5)),
+    "run": lambda one, state: one.run(Y[:5], start=state, S=CROSS),
+    "by row": lambda one, state: one.run(Y[:5], start=state, S=np.array([CROSS] * 5)),
     "step": lambda one, state: one.step(state, Y[0], S=CROSS),
-    "many": lambda one, state: one.run(np.array([Y[:5]] * 2), state=state, S=CROSS),
+    "many": lambda one, state: one.run(np.array([Y[:5]] * 2), start=state, S=CROSS),
 }
 
 
@@ -141,7 +141,7 @@ def test_correlated_noise_is_refused_with_a_gate(name: str, way: str) -> None:
 
 def test_smoother_of_a_filter_with_a_gate_takes_no_correlated_noise() -> None:
     gated = KalmanFilter(MODEL, gate=6)
-    run = gated.run(SPOILT, state=gated.init([0, 0], 1))
+    run = gated.run(SPOILT, start=gated.init([0, 0], 1))
     with pytest.raises(InputError, match=r"^S: must be left out with a gate: "):
         rts_smoother(gated, run, y=SPOILT, S=CROSS)
 

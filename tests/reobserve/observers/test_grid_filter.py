@@ -34,11 +34,11 @@ def test_constant_parameter_has_the_posterior_of_bayes() -> None:
     y, u = record()
     rates = np.linspace(0.5, 2.0, 31)
     grid = GridFilter.of_parameter(plant, grid=rates)
-    run = grid.run(y, u, state=grid.init([0, 0], 0.01))
+    run = grid.run(y, u, start=grid.init([0, 0], 0.01))
     logs = []
     for rate in rates:
         one = KalmanFilter(plant(rate))
-        found = one.run(y, u, state=one.init([0, 0], 0.01))
+        found = one.run(y, u, start=one.init([0, 0], 0.01))
         logs.append(np.cumsum(found["log_likelihood"]))
     posterior = np.exp(np.array(logs).T - np.max(logs, axis=0)[:, None])
     posterior /= posterior.sum(axis=1, keepdims=True)
@@ -96,7 +96,7 @@ def test_mode_far_off_has_finite_likelihoods() -> None:
     y, u = record()
     still = GridFilter.of_parameter(plant, grid=np.linspace(0.5, 2.0, 31))
     far = replace(still.init([0, 0], 0.01), log_probabilities=np.append(np.full(30, -2000.0), 0.0))
-    found = still.run(y[:2], u[:2], state=far)
+    found = still.run(y[:2], u[:2], start=far)
     assert found["probability"][1].argmax() == 30
     assert np.isfinite(found["log_likelihood"]).all()
 
@@ -123,7 +123,7 @@ def test_rates_follow_a_ramp_with_a_third_of_the_lag() -> None:
             rates=rates,
             switch_rate=0.01,
         )
-        run = grid.run(y, u, state=grid.init([0], 1e-4))
+        run = grid.run(y, u, start=grid.init([0], 1e-4))
         errors.append((run["parameter"] - gain)[200:])
     behind, followed = errors
     assert behind.mean() < -0.02
@@ -136,7 +136,7 @@ def test_delay_of_whole_periods_is_a_buffer_of_inputs_in_the_state() -> None:
     delays = [0.0, 0.1, 0.3]
     grid = GridFilter.of_delay(plant(1.3), delays=delays, random_walk=0.04, jump_rate=0.1)
     start = grid.init([0.1, 0], 0.01)
-    run = grid.run(y, u, state=start)
+    run = grid.run(y, u, start=start)
     one, filters = plant(1.3), []
     for late in (0, 1, 3):
         # [x, u(k-1), u(k-2), u(k-3)]
@@ -156,7 +156,7 @@ def test_delay_of_whole_periods_is_a_buffer_of_inputs_in_the_state() -> None:
     bank = IMM(filters, grid.transition)
     P = np.zeros((5, 5))
     P[:2, :2] = 0.01 * np.eye(2)
-    expected = bank.run(y, u, state=bank.init([0.1, 0, *u[[0, 0, 0], 0]], P))
+    expected = bank.run(y, u, start=bank.init([0.1, 0, *u[[0, 0, 0], 0]], P))
     np.testing.assert_allclose(run["state"], expected["state"][:, :2], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(run["probability"], expected["probability"], rtol=1e-7, atol=1e-13)
     np.testing.assert_allclose(run["parameter"], run["probability"] @ delays, rtol=1e-12)
@@ -165,8 +165,8 @@ def test_delay_of_whole_periods_is_a_buffer_of_inputs_in_the_state() -> None:
         state, estimate = grid.step(state, row, u[k])
         for name in run:
             assert np.array_equal(estimate[name], run[name][k]), name
-    halves = grid.run(y[:40], u[:40], state=start)
-    rest = grid.run(y[40:], u[40:], state=halves.state)
+    halves = grid.run(y[:40], u[:40], start=start)
+    rest = grid.run(y[40:], u[40:], start=halves.end)
     assert np.array_equal(rest["parameter"], run["parameter"][40:])
 
 
@@ -190,7 +190,7 @@ def test_delay_between_samples_is_the_solution_of_the_differential_equation() ->
             x = found.y[:, -1]
     y[-1] = x[0]
     grid = GridFilter.of_delay(plant(1.0), delays=[0.1, late, 0.4])
-    run = grid.run(y, u, state=grid.init([0, 0], 1e-8))
+    run = grid.run(y, u, start=grid.init([0, 0], 1e-8))
     assert np.abs(run["innovation"][:, 1]).max() < 1e-9
     assert run["parameter"][-1] == pytest.approx(late, abs=1e-6)
 
@@ -237,8 +237,8 @@ def test_grids_and_models_that_cannot_be_used_are_refused() -> None:
             GridFilter(grid.filters, grid.transition, grid=grid.grid, periods_late=late)  # type: ignore[arg-type]
     moving = GridFilter.of_parameter(plant, grid=[1.0, 2.0], random_walk=0.01)
     with pytest.raises(InputError, match="must go on by the sampling period"):
-        moving.run([0.0, 0.0], [0, 0], state=moving.init([0, 0], 1.0), time=[0.0, 0.5])
-    after = grid.run([0.0, 1.0], [0.0, 0.0], state=grid.init([0], 1.0)).state
+        moving.run([0.0, 0.0], [0, 0], start=moving.init([0, 0], 1.0), time=[0.0, 0.5])
+    after = grid.run([0.0, 1.0], [0.0, 0.0], start=grid.init([0], 1.0)).end
     without = replace(after, past=None)
-    with pytest.raises(InputError, match=r"state\.past: is missing"):
+    with pytest.raises(InputError, match=r"start\.past: is missing"):
         grid.step(without, 0, 0)

@@ -254,10 +254,10 @@ def test_order_is_four_also_at_jumps_of_the_record(n: int) -> None:
         observer = HighGainObserver(MODELS[n], rho=rho, sampling_period=step)
         begun = observer.init(start)
         run = run_on_halves(
-            observer, right[0], right[1], state=begun, y_before=left[0], u_before=left[1]
+            observer, right[0], right[1], start=begun, y_before=left[0], u_before=left[1]
         )
         errors.append(np.abs(run["state"][-1] - expected).max())
-        run = run_on_halves(observer, right[0], right[1], state=begun)
+        run = run_on_halves(observer, right[0], right[1], start=begun)
         without.append(np.abs(run["state"][-1] - expected).max())
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert slope == pytest.approx(4.0, abs=0.15)
@@ -277,7 +277,7 @@ def test_error_of_an_integrator_chain_follows_its_matrix(n: int) -> None:
     truth = np.stack([last.integ(n - 1 - i)(time) for i in range(n)], axis=1)
     offset = np.linspace(1.0, 2.0, n)
     start = observer.init(truth[0] + offset)
-    run = run_on_halves(observer, truth[:, 0], last.deriv()(time), state=start)
+    run = run_on_halves(observer, truth[:, 0], last.deriv()(time), start=start)
     closed = shift(n) - np.outer(high_gain(n, rho), first(n))
     for k in (100, 300, 600):
         expected = expm(closed * k * step) @ offset
@@ -296,7 +296,7 @@ def test_wrong_delay_on_a_ramp_leaves_the_predicted_error(n: int) -> None:
     last = np.polynomial.Polynomial([0.0, -slope * delay, slope / 2])
     truth = np.stack([last.integ(n - 1 - i)(time) for i in range(n)], axis=1)
     known = slope * (time - assumed)
-    run = run_on_halves(observer, truth[:, 0], known, state=observer.init(truth[0]))
+    run = run_on_halves(observer, truth[:, 0], known, start=observer.init(truth[0]))
     at_rest = [comb(n, i) / rho ** (n - i) for i in range(n)]
     expected = slope * (delay - assumed) * np.array(at_rest)
     assert run["state"][-1] - truth[-1] == pytest.approx(expected, rel=1e-5)
@@ -312,7 +312,7 @@ def test_steps_below_the_limit_stay_stable() -> None:
         observer = HighGainObserver(
             model(2, no_drift, constant_gain, 1.0), rho=10.0, sampling_period=product / 10
         )
-        run = observer.run(record, record, state=observer.init([1.0, 0.0]))
+        run = observer.run(record, record, start=observer.init([1.0, 0.0]))
         sizes.append(np.abs(run["state"][-1]))
     assert sizes[0].max() < 1e-6
     assert sizes[1].max() > 1e3
@@ -341,8 +341,8 @@ def test_observer_can_be_pickled_if_its_functions_are_importable() -> None:
     )
     again = pickle.loads(pickle.dumps(observer))
     start = observer.init([0.1, 0.0])
-    assert np.array_equal(again.run(y, y, state=start)["state"],
-                          observer.run(y, y, state=start)["state"])  # fmt: skip
+    assert np.array_equal(again.run(y, y, start=start)["state"],
+                          observer.run(y, y, start=start)["state"])  # fmt: skip
     with pytest.raises(pickle.PicklingError, match="field pendulum_drift stands nowhere"):
         pickle.dumps(HighGainObserver(MODELS[2], rho=5.0, sampling_period=0.01))
 
@@ -351,8 +351,8 @@ def test_wrong_states_are_refused() -> None:
     observer = HighGainObserver(MODELS[2], rho=5.0, sampling_period=0.01)
     with pytest.raises(InputError, match=r"^state: has shape \(3,\)"):
         observer.init([0.0, 0.0, 0.0])
-    with pytest.raises(InputError, match=r"^state: must be of an observer of 2 states$"):
-        observer.run(np.zeros(3), np.zeros(3), state=HighGainState(np.zeros(3)))
+    with pytest.raises(InputError, match=r"^start: must be of an observer of 2 states$"):
+        observer.run(np.zeros(3), np.zeros(3), start=HighGainState(np.zeros(3)))
 
 
 @pytest.mark.parametrize(

@@ -88,7 +88,7 @@ def remembered(state: ImmState) -> dict[str, Array]:
 def reported(*runs: Run[ImmState]) -> dict[str, Array]:
     """The results of consecutive runs, and the last state."""
     joined = {name: np.concatenate([run[name] for run in runs]) for name in runs[0].estimates}
-    return {**joined, **remembered(runs[-1].state)}
+    return {**joined, **remembered(runs[-1].end)}
 
 
 def relative(found: Array, expected: Array) -> float:
@@ -195,7 +195,7 @@ def test_probability_of_a_left_mode_decays_below_the_float_range() -> None:
     assert run["probability"][-1].tolist() == [0.0, 1.0]
     for rows in (1100, 1500):
         left = scalar_run([[0.5, 0.5], [0.0, 1.0]], [0.25, 0.75], z=z[:rows])
-        found = left.state.log_probabilities[0]
+        found = left.end.log_probabilities[0]
         assert found == pytest.approx(np.log(0.25) - rows * np.log(2), rel=1e-13)
     alone = scalar_run([[1.0]], [1.0], z=z)
     assert run["state"] == pytest.approx(alone["state"], rel=1e-13)
@@ -207,8 +207,8 @@ def test_modes_without_transitions_are_weighted_by_the_whole_record() -> None:
     other = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=0.1, R=1.0)
     z = np.concatenate([6.0 * ripple(500), 0.2 * ripple(6000)])
     bank = IMM(kalmans([CONSTANT, other]), np.eye(2))
-    run = bank.run(z, state=bank.init([0.0], 1.0))
-    alone = [one.run(z, state=one.init([0.0], 1.0)) for one in kalmans([CONSTANT, other])]
+    run = bank.run(z, start=bank.init([0.0], 1.0))
+    alone = [one.run(z, start=one.init([0.0], 1.0)) for one in kalmans([CONSTANT, other])]
     odds = np.cumsum(alone[0]["log_likelihood"] - alone[1]["log_likelihood"])
     assert odds.max() > 1000
     assert odds[-1] < -700
@@ -217,7 +217,7 @@ def test_modes_without_transitions_are_weighted_by_the_whole_record() -> None:
     assert near.sum() > 1000
     assert run["probability"][near, 0] == pytest.approx(expected[near], rel=1e-9)
     assert run["probability"][odds > 800, 1].tolist() == [0.0] * int((odds > 800).sum())
-    assert run.state.log_probabilities[0] == pytest.approx(odds[-1], rel=1e-11)
+    assert run.end.log_probabilities[0] == pytest.approx(odds[-1], rel=1e-11)
 
 
 def test_unreachable_mode_stays_at_zero_and_changes_no_bit() -> None:
@@ -226,8 +226,8 @@ def test_unreachable_mode_stays_at_zero_and_changes_no_bit() -> None:
     three = IMM(kalmans(VELOCITY), closed)
     two = IMM(kalmans(VELOCITY[:2]), closed[:2, :2])
     runs = [
-        three.run(z, u, state=three.init(np.zeros(4), 1.0, probabilities=[0.5, 0.5, 0.0])),
-        two.run(z, u, state=two.init(np.zeros(4), 1.0, probabilities=[0.5, 0.5])),
+        three.run(z, u, start=three.init(np.zeros(4), 1.0, probabilities=[0.5, 0.5, 0.0])),
+        two.run(z, u, start=two.init(np.zeros(4), 1.0, probabilities=[0.5, 0.5])),
     ]
     assert not runs[0]["probability"][:, 2].any()
     assert np.array_equal(runs[0]["probability"][:, :2], runs[1]["probability"])
@@ -268,7 +268,7 @@ def test_three_models_with_three_outputs_agree_with_50_digits(kind: str, mixing:
     assert relative(run["state"], expected.estimate) < 1e-12
     assert relative(run["covariance"], expected.covariance) < 1e-12
     assert np.abs(run["probability"] / expected.probability - 1).max() < 1e-12
-    logs = run.state.log_probabilities
+    logs = run.end.log_probabilities
     assert logs == pytest.approx(expected.log_probability[-1], rel=1e-12, abs=1e-13)
     # Modes were uncertain, and rows were inside and outside of the boundary layer.
     assert np.ptp(run["probability"], axis=0).min() > 0.1
@@ -291,13 +291,13 @@ def test_bank_of_one_is_bitwise_identical_to_its_filter(
     assert isinstance(one, GaussianFilter)
     bank = IMM([one], [[1.0]], mixing=mixing)
     held = u[0] if before else None
-    run = bank.run(z, u, state=bank.init(np.zeros(5), P0, u=held))
-    plain = one.run(z, u, state=one.init(np.zeros(5), P0, u=held))
+    run = bank.run(z, u, start=bank.init(np.zeros(5), P0, u=held))
+    plain = one.run(z, u, start=one.init(np.zeros(5), P0, u=held))
     assert np.array_equal(run["state"], plain["state"])
     assert np.array_equal(np.diagonal(run["covariance"], axis1=1, axis2=2), plain["variance"])
     assert np.array_equal(run["innovation"][:, 0], plain["innovation"], equal_nan=True)
-    assert np.array_equal(run.state.posteriors[0].covariance, plain.state.posterior.covariance)
-    assert np.array_equal(run.state.posteriors[0].error, plain.state.posterior.error)
+    assert np.array_equal(run.end.posteriors[0].covariance, plain.end.posterior.covariance)
+    assert np.array_equal(run.end.posteriors[0].error, plain.end.posterior.error)
     assert np.all(run["probability"] == 1.0)
     assert np.array_equal(run["log_likelihood"], plain["log_likelihood"])
     assert np.array_equal(run.time, plain.time)
@@ -314,7 +314,7 @@ def test_stepping_and_split_runs_are_bitwise_identical(
     z[40, 1] = z[41] = np.nan
     bank = bank_of(kind, mixing=mixing)
     start = bank.init(np.zeros(5), P0, probabilities=[0.5, 0.3, 0.2], u=u[0] if before else None)
-    run = bank.run(z, u, state=start)
+    run = bank.run(z, u, start=start)
     state, rows = start, []
     for measurement, control in zip(z, u, strict=True):
         state, estimate = bank.step(state, measurement, control)
@@ -322,8 +322,8 @@ def test_stepping_and_split_runs_are_bitwise_identical(
     stepped = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     assert same_bits({**stepped, **remembered(state)}, reported(run))
     for cut in (1, 42):  # after 42 the last measurement is missing
-        first = bank.run(z[:cut], u[:cut], state=start)
-        second = bank.run(z[cut:], u[cut:], state=first.state)
+        first = bank.run(z[:cut], u[:cut], start=start)
+        second = bank.run(z[cut:], u[cut:], start=first.end)
         assert same_bits(reported(first, second), reported(run))
         assert first.missing + second.missing == run.missing == 2
         assert np.array_equal(np.append(first.time, second.time), run.time)
@@ -336,7 +336,7 @@ def test_first_row_updates_probabilities_without_prediction(kind: str) -> None:
     z, u = motion_record(1)
     bank, mu = bank_of(kind), np.array([0.5, 0.3, 0.2])
     means = np.arange(15.0).reshape(3, 5) / 15
-    run = bank.run(z, u, state=bank.init(means, P0, probabilities=mu))
+    run = bank.run(z, u, start=bank.init(means, P0, probabilities=mu))
     alone = [
         one.correct(Gaussian(mean, P0, np.zeros(3)), z[0], u[0])
         for one, mean in zip(bank.filters, means, strict=True)
@@ -344,7 +344,7 @@ def test_first_row_updates_probabilities_without_prediction(kind: str) -> None:
     weights = mu * np.exp([each.log_likelihood for each in alone])
     assert run["log_likelihood"][0] == pytest.approx(np.log(weights.sum()), rel=1e-12)
     assert run["probability"][0] == pytest.approx(weights / weights.sum(), rel=1e-12)
-    for posterior, each in zip(run.state.posteriors, alone, strict=True):
+    for posterior, each in zip(run.end.posteriors, alone, strict=True):
         assert np.array_equal(posterior.mean, each.posterior.mean)
     assert run["state"][0] == pytest.approx(
         weights @ [each.posterior.mean for each in alone] / weights.sum(), rel=1e-12
@@ -377,19 +377,19 @@ def test_user_defined_filters_give_the_bits_of_the_compiled_loop(kind: str, mixi
     called = IMM([UsersOwn(one) for one in compiled.filters], STICKY, mixing=mixing)
     for held in (None, u[0]):
         start = compiled.init(np.zeros(5), P0, u=held)
-        runs = [bank.run(z, u, state=start) for bank in (called, compiled)]
+        runs = [bank.run(z, u, start=start) for bank in (called, compiled)]
         assert same_bits(reported(runs[0]), reported(runs[1]))
 
 
 def test_likely_svsf_in_a_kalman_bank_equals_the_single_filter() -> None:
     z, u = motion_record(40)
     bank = bank_of("mixed", mixing=False)
-    run = bank.run(z, u, state=bank.init(np.zeros(5), P0))
+    run = bank.run(z, u, start=bank.init(np.zeros(5), P0))
     smooth = svsfs(MOTION)[1]
-    alone = smooth.run(z, u, state=smooth.init(np.zeros(5), P0))
+    alone = smooth.run(z, u, start=smooth.init(np.zeros(5), P0))
     assert np.array_equal(run["innovation"][:, 1], alone["innovation"])
     only = bank.init(np.zeros(5), P0, probabilities=[0.0, 1.0, 0.0])
-    fixed = IMM(bank.filters, np.eye(3)).run(z, u, state=only)
+    fixed = IMM(bank.filters, np.eye(3)).run(z, u, start=only)
     assert np.array_equal(fixed["state"], alone["state"])
 
 
@@ -451,7 +451,7 @@ def test_probabilities_follow_the_chain_over_missing_measurements() -> None:
     z[70] = np.nan
     bank = bank_of("KF")
     start = bank.init(np.zeros(5), P0)
-    run = bank.run(z, u, state=start)
+    run = bank.run(z, u, start=start)
     assert run.missing == 11
     for k in [*range(50, 60), 70]:
         expected = run["probability"][k - 1] @ STICKY
@@ -459,11 +459,11 @@ def test_probabilities_follow_the_chain_over_missing_measurements() -> None:
         assert np.isnan(run["innovation"][k]).all()
         assert run["log_likelihood"][k] == 0.0
     assert np.isfinite(run["innovation"][[49, 60, 69, 71]]).all()
-    before = bank.run(z[:50], u[:50], state=start)
+    before = bank.run(z[:50], u[:50], start=start)
     assert before.missing == 0
-    errors = [posterior.error for posterior in before.state.posteriors]
-    over = bank.run(z[50:60], u[50:60], state=before.state)
-    assert np.array_equal([posterior.error for posterior in over.state.posteriors], errors)
+    errors = [posterior.error for posterior in before.end.posteriors]
+    over = bank.run(z[50:60], u[50:60], start=before.end)
+    assert np.array_equal([posterior.error for posterior in over.end.posteriors], errors)
     assert over.missing == 10
 
 
@@ -472,10 +472,10 @@ def test_unmixed_filters_only_predict_over_missing_measurements() -> None:
     z[50:] = np.nan
     bank = bank_of("SVSF", mixing=False)
     start = bank.init(np.zeros(5), P0)
-    run = bank.run(z, u, state=start)
-    before = bank.run(z[:50], u[:50], state=start)
+    run = bank.run(z, u, start=start)
+    before = bank.run(z[:50], u[:50], start=start)
     for one, posterior, expected in zip(
-        svsfs(MOTION), run.state.posteriors, before.state.posteriors, strict=True
+        svsfs(MOTION), run.end.posteriors, before.end.posteriors, strict=True
     ):
         moving = expected
         for k in range(50, 60):
@@ -489,7 +489,7 @@ def test_mean_over_missing_measurements_is_the_mixture_prediction() -> None:
     z, u = velocity_record(101, 101)
     z[100] = np.nan
     bank = IMM(kalmans([VELOCITY[0]] * 3), STICKY)
-    run = bank.run(z, u, state=bank.init([[0.0] * 4, [1.0] * 4, [2.0] * 4], 1.0))
+    run = bank.run(z, u, start=bank.init([[0.0] * 4, [1.0] * 4, [2.0] * 4], 1.0))
     A, B = VELOCITY[0].arrays.A, VELOCITY[0].arrays.B
     expected = A @ run["state"][99] + B @ u[99]
     assert run["state"][100] == pytest.approx(expected, rel=1e-12)
@@ -513,12 +513,12 @@ def test_diverging_bank_reports_its_row(own: bool, taken: bool) -> None:
     bank = IMM(filters, [[0.9, 0.1], [0.1, 0.9]])
     start = bank.init([1.0, 1.0], 1.0, u=())
     z = np.full((400, 1), 0.3 if taken else np.nan)
-    run = bank.run(z, state=start, on_divergence="return")
+    run = bank.run(z, start=start, on_divergence="return")
     assert run.diverged_at == 154 * GROWING.sampling_period
     assert len(run) == len(run["state"]) == len(run["covariance"]) == len(run["probability"]) == 154
     assert np.isfinite(run["covariance"]).all()
     assert run.missing == (0 if taken else 154)
-    assert run.state is start
+    assert run.end is start
     with pytest.raises(DivergenceError, match=r"^IMM diverged: its state is finite up to t = 0 s"):
         bank.step(bank.init([1e308, 0.0], 1.0, u=()), [0.0])
 
@@ -530,11 +530,11 @@ def test_unreachable_mode_keeps_its_own_posterior() -> None:
     bank = IMM(kalmans([CONSTANT, slow]), [[1.0, 0.0], [1.0, 0.0]])
     run = run_over(bank, z, None, [0.0], 1.0, [0.4, 0.6])
     alone = KalmanFilter(slow)
-    expected = run_over(alone, z, None, [0.0], 1.0).state
+    expected = run_over(alone, z, None, [0.0], 1.0).end
     assert run["probability"][:, 1].tolist() == [0.0] * 60
-    assert run.state.posteriors[1].mean == pytest.approx(expected.posterior.mean, rel=1e-13)
+    assert run.end.posteriors[1].mean == pytest.approx(expected.posterior.mean, rel=1e-13)
     covariance = expected.posterior.covariance
-    assert run.state.posteriors[1].covariance == pytest.approx(covariance, rel=1e-13)
+    assert run.end.posteriors[1].covariance == pytest.approx(covariance, rel=1e-13)
 
 
 def test_components_of_augmented_filters_have_the_names_of_both() -> None:
@@ -546,6 +546,6 @@ def test_components_of_augmented_filters_have_the_names_of_both() -> None:
         model, fault_matrix=[[1.0], [0.0]], random_walk=0.1, unknown_input_names=["force"]
     )
     bank = IMM([one, one], [[0.9, 0.1], [0.2, 0.8]])
-    run = bank.run(np.ones((3, 2)), state=bank.init(np.zeros(3), 1.0))
+    run = bank.run(np.ones((3, 2)), start=bank.init(np.zeros(3), 1.0))
     assert np.array_equal(run["state_force"], run["state"][:, 2])
     assert {"covariance_force_a", "innovation_2_d"} < set(run.to_pandas())

@@ -89,7 +89,7 @@ def test_filter_and_smoother_have_the_bits_of_plain_loops(
     def run() -> Any:
         one = KalmanFilter(model(n, m, n), **options)
         found = one.run(
-            y, u, state=one.init(np.zeros(n), 1.0),
+            y, u, start=one.init(np.zeros(n), 1.0),
             keep=["predicted_state", "predicted_covariance", "gain"],
         )  # fmt: skip
         return found, rts_smoother(one, found, u)
@@ -102,7 +102,7 @@ def test_step_has_the_bits_of_run() -> None:
     one, rng = KalmanFilter(model(14, 2, 5)), np.random.default_rng(2)
     y, u = rng.normal(size=(20, 2)), rng.normal(size=(20, 1))
     state = one.init(np.zeros(14), 1.0)
-    run = one.run(y, u, state=state)
+    run = one.run(y, u, start=state)
     for k in range(20):
         state, estimate = one.step(state, y[k], u[k])
         assert estimate["covariance"].tobytes() == run["covariance"][k].tobytes()
@@ -130,6 +130,6 @@ def test_other_filters_have_the_bits_of_plain_loops(
         else:
             pair = [KalmanFilter(linear), KalmanFilter(model(n, 2, 8))]
             one = IMM(pair, [[0.9, 0.1], [0.2, 0.8]])
-        return one.run(y, u, state=one.init(np.zeros(n), 1.0))
+        return one.run(y, u, start=one.init(np.zeros(n), 1.0))
 
     assert same(*both(run, monkeypatch))

@@ -34,7 +34,7 @@ def errors(
     differentiator: LevantDifferentiator, truth: Array, noise: Any = 0.0, start: Any = None
 ) -> Array:
     first = zeros(differentiator) if start is None else differentiator.init(start)
-    run = differentiator.run(truth[:, 0] + noise, state=first)
+    run = differentiator.run(truth[:, 0] + noise, start=first)
     assert run.diverged_at is None
     return run["derivatives"] - truth
 
@@ -54,7 +54,7 @@ def slopes(x: Any, y: Any) -> Array:
 def test_one_step_agrees_with_hand_calculation() -> None:
     # u = 0, z = (8, 3, 5), L = 8, T = 1/2: the injections are 3*2*4 = 24, 1.5 * sqrt(8 * 24), 8.
     differentiator = LevantDifferentiator(L=8.0, **PAPER, sampling_period=0.5)
-    run = differentiator.run([0.0, 7.0], state=differentiator.init([8.0, 3.0, 5.0]))
+    run = differentiator.run([0.0, 7.0], start=differentiator.init([8.0, 3.0, 5.0]))
     second = 1.5 * np.sqrt(8 * 24.0)
     expected = [8 + 0.5 * (3 - 24) + 0.125 * 5, 3 + 0.5 * (5 - second), 5 - 0.5 * 8]
     assert run["derivatives"][1] == pytest.approx(expected, rel=1e-14)
@@ -66,7 +66,7 @@ def test_run_without_a_state_starts_from_the_first_sample() -> None:
         LevantDifferentiator(L=1.0, sampling_period=0.1),
         np.array([3.0, 1.0, 2.0]),
     )
-    known = differentiator.run(samples, state=differentiator.init([3.0, 0.0, 0.0]))
+    known = differentiator.run(samples, start=differentiator.init([3.0, 0.0, 0.0]))
     assert np.array_equal(differentiator.run(samples)["derivatives"], known["derivatives"])
 
 
@@ -75,7 +75,7 @@ def test_estimate_depends_only_on_earlier_samples() -> None:
     one, other = np.zeros(9), np.zeros(9)
     other[5] = 1.0
     start = zeros(differentiator)
-    runs = [differentiator.run(u, state=start)["derivatives"] for u in (one, other)]
+    runs = [differentiator.run(u, start=start)["derivatives"] for u in (one, other)]
     assert np.array_equal(runs[0][:6], runs[1][:6])
     assert not np.array_equal(runs[0][6], runs[1][6])
 
@@ -186,8 +186,8 @@ def test_scaling_the_signal_and_its_bound_scales_the_estimate(order: int) -> Non
     truth = waves(time, order)
     one = LevantDifferentiator(L=1.5, order=order, sampling_period=period)
     other = LevantDifferentiator(L=factor * 1.5, order=order, sampling_period=period)
-    run = one.run(truth[:, 0], state=zeros(one))["derivatives"]
-    scaled = other.run(factor * truth[:, 0], state=zeros(other))["derivatives"] / factor
+    run = one.run(truth[:, 0], start=zeros(one))["derivatives"]
+    scaled = other.run(factor * truth[:, 0], start=zeros(other))["derivatives"] / factor
     # Equal up to rounding, until it decides a sign in the sliding mode.
     assert scaled[:500] == pytest.approx(run[:500], rel=1e-9, abs=1e-12)
     theory = 1.5 * period ** (order + 1 - np.arange(order + 1))
@@ -202,9 +202,9 @@ def test_stretching_time_scales_each_derivative_by_its_power(order: int) -> None
     noise = np.random.default_rng(4).uniform(-0.1, 0.1, len(truth))
     one = LevantDifferentiator(L=1.5, order=order, sampling_period=period)
     other = LevantDifferentiator(L=1.5, order=order, sampling_period=factor * period)
-    run = one.run(truth[:, 0] + noise, state=zeros(one))["derivatives"]
+    run = one.run(truth[:, 0] + noise, start=zeros(one))["derivatives"]
     measured = (truth[:, 0] + noise) * powers[0]
-    slow = other.run(measured, state=zeros(other))["derivatives"]
+    slow = other.run(measured, start=zeros(other))["derivatives"]
     assert slow / powers == pytest.approx(run, rel=1e-8, abs=1e-9)
 
 
@@ -301,7 +301,7 @@ def test_printed_form_is_correct_for_a_bound_of_one() -> None:
     runs = []
     for printed in (False, True):
         differentiator = LevantDifferentiator(L=1.0, **PAPER, printed=printed, sampling_period=0.01)
-        runs.append(differentiator.run(samples, state=zeros(differentiator))["derivatives"])
+        runs.append(differentiator.run(samples, start=zeros(differentiator))["derivatives"])
     assert np.array_equal(*runs)
 
 
@@ -336,13 +336,13 @@ def test_overflow_is_reported_with_time_and_finite_rows() -> None:
         L=1e200, order=1, lambdas=(1.0, 1.0), sampling_period=1e60
     )
     start = differentiator.init([1e300, 0.0])
-    run = differentiator.run(np.zeros(9), state=start, on_divergence="return")
+    run = differentiator.run(np.zeros(9), start=start, on_divergence="return")
     rows = len(run)
     assert 1 <= rows < 9
     assert np.isfinite(run["derivatives"]).all()
     assert run.diverged_at == pytest.approx((rows - 1) * 1e60)
-    assert run.state is start
-    assert differentiator.run(np.zeros(rows), state=start).diverged_at is None
+    assert run.end is start
+    assert differentiator.run(np.zeros(rows), start=start).diverged_at is None
     said = r"^LevantDifferentiator diverged: .* up to t = 7e\+60 s"
     with pytest.raises(DivergenceError, match=said):
         differentiator.step(LevantState(np.array([1e308, 1e308]), np.array([-1e308]), 7), 0.0)
@@ -370,9 +370,9 @@ def test_wrong_parameters_are_refused(changed: dict[str, Any], said: str) -> Non
 
 def test_wrong_states_and_steps_are_refused() -> None:
     differentiator = LevantDifferentiator(L=1.0, sampling_period=0.1)
-    with pytest.raises(InputError, match=r"^state: must be of a differentiator of order 2$"):
+    with pytest.raises(InputError, match=r"^start: must be of a differentiator of order 2$"):
         differentiator.run(
-            [1.0], state=zeros(LevantDifferentiator(L=1.0, order=3, sampling_period=0.1))
+            [1.0], start=zeros(LevantDifferentiator(L=1.0, order=3, sampling_period=0.1))
         )
     with pytest.raises(InputError, match=r"^derivatives: has shape \(2,\)"):
         differentiator.init([1.0, 2.0])

@@ -92,7 +92,7 @@ def test_filter_and_smoother_agree_with_the_joint_gaussian(held: Any, correlated
     given, (y, u) = random_rows(rows), record(rows)
     given["S"] *= correlated
     one, mean, covariance = KalmanFilter(MODEL), [0.3, -0.2, 0.1], np.diag([0.5, 0.2, 1.0])
-    run = one.run(y, u, state=one.init(mean, covariance, u=held), **given)
+    run = one.run(y, u, start=one.init(mean, covariance, u=held), **given)
     smooth = rts_smoother(one, run, u, y=y, **given)
     every, begun = given, 0
     if held is not None:  # the model's own matrices lead from the row before, which is not seen
@@ -121,30 +121,30 @@ def test_filter_and_smoother_agree_with_the_joint_gaussian(held: Any, correlated
 @pytest.mark.parametrize("kind", GIVEN)
 def test_steps_and_parts_give_the_bits_of_the_whole_run(kind: str) -> None:
     one, (y, u) = GIVEN[kind](), record()
-    whole = one.observer.run(y, u, state=one.state, **one.given)
+    whole = one.observer.run(y, u, start=one.state, **one.given)
     found, state = stepped(one, y, u)
     assert not differing(found, whole.estimates)
-    assert not differing(remembered(state), remembered(whole.state))
+    assert not differing(remembered(state), remembered(whole.end))
     for cut in (1, 4, ROWS - 1):
         first, second = slice(0, cut), slice(cut, ROWS)
-        a = one.observer.run(y[first], u[first], state=one.state, **part(one.given, first))
-        b = one.observer.run(y[second], u[second], state=a.state, **part(one.given, second))
+        a = one.observer.run(y[first], u[first], start=one.state, **part(one.given, first))
+        b = one.observer.run(y[second], u[second], start=a.end, **part(one.given, second))
         joined = {name: np.concatenate([a[name], b[name]]) for name in a}
         assert not differing(joined, whole.estimates)
-        assert not differing(remembered(b.state), remembered(whole.state))
+        assert not differing(remembered(b.end), remembered(whole.end))
         np.testing.assert_allclose(np.concatenate([a.time, b.time]), whole.time, rtol=1e-14)
-        assert b.state.count == whole.state.count == ROWS - 1
+        assert b.end.count == whole.end.count == ROWS - 1
 
 
 @pytest.mark.parametrize("name", ["A", "B", "Q", "S"])
 def test_what_leads_to_the_next_row_is_held_over_to_a_run_without_it(name: str) -> None:
     one, (y, u), rows = KalmanFilter(MODEL), record(), random_rows()[name]
     values = 0.01 * rows if name == "S" else rows
-    first = one.run(y[:4], u[:4], state=one.init([0.0] * 3, 1.0), **{name: values[:4]})
-    found = one.run(y[4:], u[4:], state=first.state)
+    first = one.run(y[:4], u[:4], start=one.init([0.0] * 3, 1.0), **{name: values[:4]})
+    found = one.run(y[4:], u[4:], start=first.end)
     own = np.zeros((3, 2)) if name == "S" else getattr(MODEL, name)
     wanted = one.run(
-        y, u, state=one.init([0.0] * 3, 1.0),
+        y, u, start=one.init([0.0] * 3, 1.0),
         **{name: np.concatenate([values[:4], np.broadcast_to(own, (5, *own.shape))])},
     )  # fmt: skip
     np.testing.assert_allclose(found["state"], wanted["state"][4:], rtol=1e-13, atol=1e-13)
@@ -173,18 +173,18 @@ def test_constant_matrices_by_row_give_the_bits_of_the_model(kind: str) -> None:
     (y, u), state = record(), one.init([0.3, -0.2, 0.1], 0.5)
     names = [name for name in "ABCDQR" if name in one.takes]
     tiled = {name: np.tile(getattr(MODEL, name), (ROWS, 1, 1)) for name in names}
-    wanted = one.run(y, u, state=state)
+    wanted = one.run(y, u, start=state)
     for given in (tiled, *({name: rows} for name, rows in tiled.items())):
-        assert not differing(one.run(y, u, state=state, **given).estimates, wanted.estimates)
+        assert not differing(one.run(y, u, start=state, **given).estimates, wanted.estimates)
     fixed = {name: getattr(MODEL, name) for name in names}
-    assert not differing(one.run(y, u, state=state, **fixed).estimates, wanted.estimates)
+    assert not differing(one.run(y, u, start=state, **fixed).estimates, wanted.estimates)
 
 
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
 def test_constant_noise_parameters_and_times_give_the_bits_of_the_model(kind: Any) -> None:
     one, (y, u) = kind(PENDULUM), record()
     state = one.init([0.3, -0.2], 0.5)
-    wanted = one.run(y, u, state=state)
+    wanted = one.run(y, u, start=state)
     for given in (
         {"Q": np.tile(PENDULUM.Q, (ROWS, 1, 1))},
         {"R": np.tile(PENDULUM.R, (ROWS, 1, 1))},
@@ -193,7 +193,7 @@ def test_constant_noise_parameters_and_times_give_the_bits_of_the_model(kind: An
         {"dt": np.full(ROWS, 0.1)},
         {"dt": 0.1},
     ):
-        assert not differing(one.run(y, u, state=state, **given).estimates, wanted.estimates)
+        assert not differing(one.run(y, u, start=state, **given).estimates, wanted.estimates)
 
 
 # --- Other known answers --------------------------------------------------------------------------
@@ -212,8 +212,8 @@ def test_parameters_by_row_are_inputs_of_another_model(kind: Any) -> None:
         lambda x, u: (x[0] * u[2], x[1] + u[0]), states=2, inputs=3, outputs=2, **noise,
     )  # fmt: skip
     one, other = kind(model), kind(switched)
-    run = one.run(y, u, state=one.init([0.3, 0.1], 0.5), parameters={"gain": values})
-    wanted = other.run(y, np.column_stack([u, values]), state=other.init([0.3, 0.1], 0.5))
+    run = one.run(y, u, start=one.init([0.3, 0.1], 0.5), parameters={"gain": values})
+    wanted = other.run(y, np.column_stack([u, values]), start=other.init([0.3, 0.1], 0.5))
     for name in wanted:
         np.testing.assert_allclose(run[name], wanted[name], rtol=1e-10, atol=1e-10)
 
@@ -222,11 +222,11 @@ def test_bank_by_mode_without_mixing_is_a_filter_for_each_mode() -> None:
     """Modes that last: their probabilities are their likelihoods, normalised."""
     one, (y, u) = GIVEN["IMM by mode"](), record()
     lasting = type(one.observer)(one.observer.filters, np.eye(2), mixing=False)
-    run = lasting.run(y, u, state=one.state, **one.given)
+    run = lasting.run(y, u, start=one.state, **one.given)
     total = np.zeros((ROWS, 2))
     for j, each in enumerate(lasting.filters):
         given = {name: rows[:, j] for name, rows in one.given.items()}
-        alone = each.run(y, u, state=each.init(one.mean, 0.5), **given)
+        alone = each.run(y, u, start=each.init(one.mean, 0.5), **given)
         np.testing.assert_allclose(run["innovation"][:, j], alone["innovation"], rtol=1e-12)
         total[:, j] = np.cumsum(alone["log_likelihood"])
     odds = np.exp(total - total.max(axis=1, keepdims=True))

@@ -129,7 +129,7 @@ def attempt(make: Made, one: Plant, q: float, p: float, *, steps: bool) -> tuple
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         try:
-            run = observer.run(y, state=state)
+            run = observer.run(y, start=state)
             check(run)
             if steps:
                 for row in y:
@@ -224,7 +224,7 @@ def test_variance_that_is_zero_to_rounding_stops_nothing(
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.simplefilter("ignore", VagueStartWarning)  # of a variance that is nearly zero
-        run = filter_.run(y, state=filter_.init([0.0, 0.0], np.diag([0.0, scale])))
+        run = filter_.run(y, start=filter_.init([0.0, 0.0], np.diag([0.0, scale])))
     check(run)
     if kind is KalmanFilter:
         P = np.diag([0.0, scale])
@@ -238,14 +238,14 @@ def test_variance_that_is_zero_to_rounding_stops_nothing(
 def test_model_in_innovation_form_that_is_known_stops_nothing() -> None:
     model = LinearModel([[0.9]], C=[[1.0]], Q=0.3 * 0.3 * 0.3, R=0.3)
     filter_ = KalmanFilter(model)
-    check(filter_.run(np.zeros(20), state=filter_.init([0.0], 0.0), S=[[0.09]]))
+    check(filter_.run(np.zeros(20), start=filter_.init([0.0], 0.0), S=[[0.09]]))
 
 
 def test_sigma_points_of_negative_weight_are_no_rounding() -> None:
     model = NonlinearModel(["a**2"], ["a"], 1e-3, 1.0, state_names=["a"])
     filter_ = UnscentedKalmanFilter(model, kappa=-0.9, beta=-5.0)
     with pytest.raises(DivergenceError, match="no longer positive semidefinite"):
-        filter_.run(np.zeros(5), state=filter_.init([0.0], 4.0))
+        filter_.run(np.zeros(5), start=filter_.init([0.0], 4.0))
 
 
 @given(seed=st.integers(0, 2**32 - 1), q=st.just(-np.inf) | POWERS, p=POWERS)
@@ -260,7 +260,7 @@ def test_advice_of_the_smoother_helps(seed: int, q: float, p: float) -> None:
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             try:
-                found = rts_smoother(observer, observer.run(one.y, state=state), lag=lag)
+                found = rts_smoother(observer, observer.run(one.y, start=state), lag=lag)
             except DivergenceError:
                 return None
         assert said or (found["variance"] > 0).all()
@@ -273,7 +273,7 @@ def test_advice_of_the_smoother_helps(seed: int, q: float, p: float) -> None:
 
 def test_short_lag_helps_where_a_state_grows_without_noise() -> None:
     kalman_ = KalmanFilter(LinearModel([[1.2]], C=[[1.0]], Q=0.0, R=1.0))
-    run = kalman_.run(np.zeros(400), state=kalman_.init([0.0], 1.0))
+    run = kalman_.run(np.zeros(400), start=kalman_.init([0.0], 1.0))
     with pytest.warns(VagueStartWarning, match="smooth with a short `lag`"):
         rts_smoother(kalman_, run)
     with warnings.catch_warnings():

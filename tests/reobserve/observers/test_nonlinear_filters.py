@@ -51,14 +51,14 @@ def record(rows: int = 200, seed: int = 1) -> tuple[Array, Array]:
 def test_three_filters_agree_on_a_linear_model() -> None:
     y, u = record()
     kalman = KalmanFilter(LinearModel(A, B, C, D, Q=Q, R=R))
-    wanted = kalman.run(y, u, state=kalman.init([1.0, 0.0], 1.0))
+    wanted = kalman.run(y, u, start=kalman.init([1.0, 0.0], 1.0))
     models = linear_as_text(), NonlinearModel(
         lambda x, u: A @ x + B @ u, lambda x, u: C @ x + D @ u, Q, R,
         F=lambda x, u: A, H=lambda x: C, states=2, inputs=1, outputs=1,
     )  # fmt: skip
     for model in models:
         for one in (ExtendedKalmanFilter(model), UnscentedKalmanFilter(model, alpha=1.0)):
-            found = one.run(y, u, state=one.init([1.0, 0.0], 1.0))
+            found = one.run(y, u, start=one.init([1.0, 0.0], 1.0))
             for name in SHARED:
                 np.testing.assert_allclose(
                     found[name], wanted[name], rtol=1e-12, atol=1e-12, err_msg=name
@@ -104,7 +104,7 @@ def test_radar_tracking_agrees_with_filterpy_extended_filter(given: bool) -> Non
         states=3, outputs=1, sampling_period=STEP,
     )  # fmt: skip
     ours = ExtendedKalmanFilter(model)
-    run = ours.run(y, state=ours.init(start, 50.0))
+    run = ours.run(y, start=ours.init(start, 50.0))
     peer = PeerEKF(3, 1)
     peer.x, peer.P, peer.Q, peer.R = start[:, None], 50.0 * np.eye(3), RADAR_Q, np.array([[25.0]])
     peer.F = np.array([[1.0, STEP, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
@@ -152,7 +152,7 @@ def test_pendulum_agrees_with_filterpy_unscented_filter(alpha: float) -> None:
         sampling_period=STEP,
     )  # fmt: skip
     ours = UnscentedKalmanFilter(model, alpha=alpha, beta=2.0, kappa=1.0)
-    run = ours.run(y, u, state=ours.init([0.2, 0.1], 0.2))
+    run = ours.run(y, u, start=ours.init([0.2, 0.1], 0.2))
     points = MerweScaledSigmaPoints(2, alpha, 2.0, 1.0)
     peer = PeerUKF(2, 2, STEP, pendulum_output, lambda x, dt, u: pendulum_step(x, u), points)
     peer.x, peer.P, peer.Q, peer.R = (
@@ -185,7 +185,7 @@ def test_gordon_growth_model_agrees_with_filterpy_unscented_filter() -> None:
         input_names=["cosine"],
     )  # fmt: skip
     ours = UnscentedKalmanFilter(model, alpha=1.0, beta=0.0, kappa=2.0)
-    run = ours.run(rows, u, state=ours.init([0.0], 5.0))
+    run = ours.run(rows, u, start=ours.init([0.0], 5.0))
     points = MerweScaledSigmaPoints(1, 1.0, 0.0, 2.0)
     peer = PeerUKF(
         1, 1, 1.0, lambda x: x**2 / 20,
@@ -212,7 +212,7 @@ def test_extended_filter_agrees_with_50_digits() -> None:
     )  # fmt: skip
     ours, rng = ExtendedKalmanFilter(model), np.random.default_rng(5)
     y, u = 0.1 + 0.05 * rng.normal(size=40), rng.normal(size=40)
-    run = ours.run(y, u, state=ours.init([0.3, 0.0], 0.1))
+    run = ours.run(y, u, start=ours.init([0.3, 0.0], 0.1))
     with mp.workdps(50):
         x, P = mp.matrix([mp.mpf(0.3), 0]), mp.eye(2) * mp.mpf(0.1)
         noise = mp.diag([mp.mpf(1e-4), mp.mpf(1e-3)])
@@ -302,7 +302,7 @@ def test_estimates_converge_on_van_der_pol(kind: Any) -> None:
     truth = solved.y.T
     y = truth[:, 0] + 0.1 * rng.normal(size=len(time))
     one = kind(van_der_pol())
-    run = one.run(y, np.zeros(300), state=one.init([0.0, 1.0], 4.0), time=time)
+    run = one.run(y, np.zeros(300), start=one.init([0.0, 1.0], 4.0), time=time)
     error = run["state"] - truth
     assert np.abs(error[0]).max() > 0.5
     assert np.abs(error[100:]).max() < 0.1
@@ -324,10 +324,10 @@ def test_extended_filter_bank_on_linear_models_equals_a_kalman_bank() -> None:
     transition = [[0.95, 0.05], [0.1, 0.9]]
     linear = [LinearModel(A, gain * B, C, D, Q=Q, R=R) for gain in (1.0, 3.0)]
     kalman = IMM([KalmanFilter(model) for model in linear], transition)
-    wanted = kalman.run(y, u, state=kalman.init([1.0, 0.0], 1.0))
+    wanted = kalman.run(y, u, start=kalman.init([1.0, 0.0], 1.0))
     for kind in (ExtendedKalmanFilter, lambda model: UnscentedKalmanFilter(model, alpha=1.0)):
         bank = IMM([kind(linear_as_text(gain)) for gain in (1.0, 3.0)], transition)
-        found = bank.run(y, u, state=bank.init([1.0, 0.0], 1.0))
+        found = bank.run(y, u, start=bank.init([1.0, 0.0], 1.0))
         for name in ("state", "covariance", "probability", "innovation", "log_likelihood"):
             np.testing.assert_allclose(found[name], wanted[name], rtol=1e-10, atol=1e-11)
 
@@ -342,7 +342,7 @@ def test_noise_per_row_agrees_with_the_recursion(kind: Any) -> None:
     scale = np.linspace(1.0, 5.0, 50)[:, None, None]
     one = kind(linear_as_text())
     start = one.init([1.0, 0.0], 1.0)
-    run = one.run(y, u, state=start, Q=scale * Q, R=scale * R)
+    run = one.run(y, u, start=start, Q=scale * Q, R=scale * R)
     x, P = np.array([1.0, 0.0]), np.eye(2)
     for k in range(50):
         if k:
@@ -357,8 +357,8 @@ def test_noise_per_row_agrees_with_the_recursion(kind: Any) -> None:
         state, estimate = one.step(state, y[k], u[k], Q=scale[k] * Q, R=scale[k] * R)
         for name in run.estimates:
             assert np.array_equal(estimate[name], run[name][k], equal_nan=True), name
-    constant = one.run(y, u, state=start, Q=Q, R=R)
-    plain = one.run(y, u, state=start)
+    constant = one.run(y, u, start=start, Q=Q, R=R)
+    plain = one.run(y, u, start=start)
     assert all(np.array_equal(constant[name], plain[name], equal_nan=True) for name in SHARED)
 
 
@@ -369,7 +369,7 @@ def test_partly_missing_row_uses_the_remaining_measurements(kind: Any) -> None:
     both = kind(NonlinearModel(f, ["sin(a)", "w^2 + a"], Q, noise, **names))
     second = kind(NonlinearModel(f, ["w^2 + a"], Q, 0.03, **names))
     found, wanted = (
-        one.run(y, state=one.init([0.5, 0.2], 0.3))
+        one.run(y, start=one.init([0.5, 0.2], 0.3))
         for one, y in ((both, [[np.nan, 0.7]] * 5), (second, [0.7] * 5))
     )
     for name in ("state", "covariance", "log_likelihood"):
@@ -387,6 +387,6 @@ def test_exactly_known_state_is_only_predicted() -> None:
     """For a singular P the Cholesky factor has a zero column."""
     model = NonlinearModel(["a + w/20", "w"], "a", 0.0, 1.0, state_names=["a", "w"])
     for one in (ExtendedKalmanFilter(model), UnscentedKalmanFilter(model)):
-        run = one.run(np.ones(5), state=one.init([1.0, 2.0], [1.0, 0.0]))
+        run = one.run(np.ones(5), start=one.init([1.0, 2.0], [1.0, 0.0]))
         assert np.array_equal(run["state"][:, 1], np.full(5, 2.0))
         assert np.array_equal(run["variance"][:, 1], np.zeros(5))

@@ -58,7 +58,7 @@ def plant() -> tuple[Array, Array]:
 def errors(form: str, inputs: Array) -> Array:
     built: NormalFormObserver = observer(form)
     x, _ = plant()
-    run = run_on_halves(built, x[:, 0], inputs, state=built.init(ESTIMATE))
+    run = run_on_halves(built, x[:, 0], inputs, start=built.init(ESTIMATE))
     return z(x[::2]) - z(run["state"])
 
 
@@ -94,7 +94,7 @@ def test_power_of_an_input_is_injected_as_that_power() -> None:
 def test_steps_and_run_with_held_inputs_are_bitwise_identical() -> None:
     built = observer()
     x, known = plant()
-    run = built.run(x[:40:2, 0], known[:40:2], state=built.init(ESTIMATE))
+    run = built.run(x[:40:2, 0], known[:40:2], start=built.init(ESTIMATE))
     state = built.init(ESTIMATE)
     for k, row in enumerate(run["state"]):
         state, estimate = built.step(state, x[2 * k, :1], known[2 * k : 2 * k + 1])
@@ -127,10 +127,10 @@ def test_any_input_is_accepted_if_the_whole_state_is_measured() -> None:
         return [x[1], -x[0] - x[1] + (x[1] + 0.5) * u(t) - x[0] ** 2 / 4]
 
     x = solve_ivp(right, (0, times[-1]), [0.3, 0.1], "DOP853", times, rtol=1e-11, atol=1e-12).y.T
-    run = run_on_halves(built, x, u(times), state=built.init([0.2, 0.0]))
+    run = run_on_halves(built, x, u(times), start=built.init([0.2, 0.0]))
     # The slower pole leaves exp(-2.1 3) of the initial error of 0.1.
     assert np.abs(run["state"][-1] - x[-1]).max() < 3e-4
-    blind = run_on_halves(built, x, 0 * times, state=built.init([0.2, 0.0]))
+    blind = run_on_halves(built, x, 0 * times, start=built.init([0.2, 0.0]))
     assert np.abs(blind["state"][-1] - x[-1]).max() > 1e-2
 
 

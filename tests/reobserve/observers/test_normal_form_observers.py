@@ -137,9 +137,9 @@ def test_identity_form_agrees_with_an_independent_integration(kind: str, order: 
     step, steps = 1e-3, 3000
     states = integrated(identity_right(kind, order), ESTIMATE, np.arange(steps + 1) * step)
     observer = IdentityObserver(form(), order=order, gain=kind, sampling_period=step)
-    run = run_on_halves(observer, plant(step, steps)[:, :1], state=observer.init(ESTIMATE))
+    run = run_on_halves(observer, plant(step, steps)[:, :1], start=observer.init(ESTIMATE))
     assert run.diverged_at is None
-    assert run.state.count == steps
+    assert run.end.count == steps
     assert np.max(np.abs(run["state"] - states[:, 2:])) < 1e-9
 
 
@@ -158,7 +158,7 @@ def test_transformed_form_agrees_with_an_independent_integration(with_cubic: boo
         np.arange(steps + 1) * step,
     )[:, 2:]
     observer = TransformedObserver(chosen, order=4, sampling_period=step)
-    run = run_on_halves(observer, plant(step, steps)[:, :1], state=observer.init(ESTIMATE))
+    run = run_on_halves(observer, plant(step, steps)[:, :1], start=observer.init(ESTIMATE))
     assert np.max(np.abs(run["coordinates"] - z)) < 1e-9
     read = as_function(T)
     wanted = np.array([read(row) for row in z])
@@ -179,7 +179,7 @@ def test_error_is_of_order_four_in_the_step(name: str) -> None:
     for count in [*steps, 6400]:
         step = 4.0 / count
         observer = built(name, step)
-        run = run_on_halves(observer, plant(step, count)[:, :1], state=observer.init(ESTIMATE))
+        run = run_on_halves(observer, plant(step, count)[:, :1], start=observer.init(ESTIMATE))
         ends[count] = run["state"][-1]
     errors = [np.linalg.norm(ends[count] - ends[6400]) for count in steps]
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
@@ -197,7 +197,7 @@ def test_transformed_form_is_exact_for_a_parabola(power: int) -> None:
     start = np.concatenate([ESTIMATE, np.zeros(power), [1.0]])
     observer = TransformedObserver(form(1), order=0, sampling_period=step)
     y = (np.arange(2 * steps + 1) * 0.5 * step) ** power
-    run = run_on_halves(observer, y, state=observer.init(ESTIMATE))
+    run = run_on_halves(observer, y, start=observer.init(ESTIMATE))
     wanted = np.array([(expm(chain * k * step) @ start)[:2] for k in range(steps + 1)])
     np.testing.assert_allclose(run["state"], wanted, rtol=1e-12, atol=1e-12)
 
@@ -207,7 +207,7 @@ def test_order_zero_gives_the_constant_gain_in_every_form() -> None:
     observers = [
         IdentityObserver(form(), order=0, gain=kind, sampling_period=0.01) for kind in GAINS
     ]
-    runs = [run_on_halves(o, y, state=o.init(ESTIMATE))["state"] for o in observers]
+    runs = [run_on_halves(o, y, start=o.init(ESTIMATE))["state"] for o in observers]
     assert len({rows.tobytes() for rows in runs}) == 1
 
 
@@ -215,7 +215,7 @@ def test_both_forms_agree_under_exact_linearisation() -> None:
     step, steps = 2e-3, 5000
     y = plant(step, steps)[:, :1]
     observers = [built(name, step, with_cubic=True) for name in ("jacobian", "transformed")]
-    one, other = (run_on_halves(o, y, state=o.init(ESTIMATE))["state"] for o in observers)
+    one, other = (run_on_halves(o, y, start=o.init(ESTIMATE))["state"] for o in observers)
     assert np.max(np.abs(one - other)) < 1e-9
 
 
@@ -224,7 +224,7 @@ def test_error_is_exactly_linear_in_z() -> None:
     x = plant(step, steps)
     z = np.stack([x[:, 0], x[:, 1] + x[:, 0] ** 3 / 3], axis=1)[::2]
     observer = TransformedObserver(form(3, with_cubic=True), order=2, sampling_period=step)
-    run = run_on_halves(observer, x[:, :1], state=observer.init(ESTIMATE))
+    run = run_on_halves(observer, x[:, :1], start=observer.init(ESTIMATE))
     error = run["coordinates"] - z
     every = range(0, steps + 1, 250)
     wanted = [expm(A * k * step) @ error[0] for k in every]
@@ -237,11 +237,11 @@ def test_divergence_is_reported_with_time_and_last_state() -> None:
     y = plant(step, steps)[:, :1]
     observer = IdentityObserver(form(), order=2, sampling_period=step)
     start = observer.init([0.0, 0.0])
-    run = run_on_halves(observer, y, state=start, on_divergence="return")
+    run = run_on_halves(observer, y, start=start, on_divergence="return")
     assert run.diverged_at == pytest.approx(9.736, abs=0.01)
     assert len(run) == round(run.diverged_at / step) + 1
     assert np.isfinite(run["state"]).all()
-    assert run.state is start
+    assert run.end is start
     right = identity_right("series", 2)
     escape = solve_ivp(
         lambda _, v: np.concatenate([slope(v[:2]), right(v[:2], v[2:])]),
@@ -250,12 +250,12 @@ def test_divergence_is_reported_with_time_and_last_state() -> None:
     )  # fmt: skip
     assert escape.t_events[0][0] == pytest.approx(run.diverged_at, abs=0.02)
     half = 2 * (len(run) // 2)
-    before = run_on_halves(observer, y[: half + 1], state=start)
+    before = run_on_halves(observer, y[: half + 1], start=start)
     assert before.diverged_at is None
-    after = run_on_halves(observer, y[half + 1 :], state=before.state, on_divergence="return")
+    after = run_on_halves(observer, y[half + 1 :], start=before.end, on_divergence="return")
     assert after.diverged_at == pytest.approx(run.diverged_at)
     last = 2 * len(run) - 1
-    state = run_on_halves(observer, y[:last], state=start).state
+    state = run_on_halves(observer, y[:last], start=start).end
     with pytest.raises(DivergenceError, match=rf"up to t = {run.diverged_at:g} s and not after"):
         observer.step(state, y[last + 1], middle=(y[last], None))
 
@@ -271,16 +271,16 @@ def test_overflow_of_the_first_estimate_is_reported() -> None:
     """z is finite, T(z) is not: no row is returned, and the state is the initial one."""
     observer = TransformedObserver(form(5), order=4, sampling_period=0.1)
     start = replace(observer.init([0.0, 0.0]), values=np.array([1e100, 1e100]))
-    run = observer.run(np.zeros((3, 1)), state=start, on_divergence="return")
+    run = observer.run(np.zeros((3, 1)), start=start, on_divergence="return")
     assert run.diverged_at == 0.0
     assert run["state"].shape == (0, 2)
-    assert run.state is start
+    assert run.end is start
 
 
 @pytest.mark.parametrize("name", ["series", "transformed"])
 def test_run_without_a_state_starts_from_the_origin(name: str) -> None:
     observer, y = built(name, 0.01), plant(0.01, 30)[::2, :1]
-    known = observer.run(y, state=observer.init([0.0, 0.0]))
+    known = observer.run(y, start=observer.init([0.0, 0.0]))
     assert np.array_equal(observer.run(y)["state"], known["state"])
 
 
@@ -290,5 +290,5 @@ def test_series_of_fractions_run_like_floats(kind: Any) -> None:
     floats, fractions = (
         kind(form(5, exact=exact), order=4, sampling_period=0.01) for exact in (False, True)
     )
-    one, other = (run_on_halves(o, y, state=o.init(ESTIMATE))["state"] for o in (floats, fractions))
+    one, other = (run_on_halves(o, y, start=o.init(ESTIMATE))["state"] for o in (floats, fractions))
     np.testing.assert_allclose(np.asarray(other, dtype=np.float64), one, rtol=0, atol=1e-12)

@@ -98,7 +98,7 @@ def begun(observer: Any, rows: int = 12) -> Any:
     n, m, p = sizes(observer)
     rng = np.random.default_rng(1)
     y, u = rng.normal(size=(rows, m)), rng.normal(size=(rows, p))
-    return observer.run(y, u, state=observer.init([0.1] * n, 1.0)).state
+    return observer.run(y, u, start=observer.init([0.1] * n, 1.0)).end
 
 
 def sizes(observer: Any) -> tuple[int, int, int]:
@@ -211,7 +211,7 @@ class MirroredBank(IMM):
 )
 def test_step_calls_the_loop_as_a_subclass_does(observer: Any) -> None:
     state, y = begun(observer), np.array([0.3])
-    run = observer.run(y[None], state=state)
+    run = observer.run(y[None], start=state)
     assert np.array_equal(observer.step(state, y)[1]["state"], run["state"][0])
 
 

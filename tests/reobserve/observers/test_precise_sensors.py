@@ -66,7 +66,7 @@ FILTERS = {"Kalman": linear, "extended Kalman": extended}
 def compare(kind: str, one: Problem) -> tuple[float, float]:
     """How far the mean and the covariance are off."""
     filter_ = FILTERS[kind](one)
-    run = filter_.run(one.y, state=filter_.init([0.0, 0.0], one.P))
+    run = filter_.run(one.y, start=filter_.init([0.0, 0.0], one.P))
     x, P = exact(one)
     deviations = np.sqrt(np.diag(P))
     apart = (run["covariance"][-1] - P) / np.outer(deviations, deviations)

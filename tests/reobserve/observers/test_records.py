@@ -70,16 +70,16 @@ def test_many_records_give_the_bits_of_each_alone(
     states = [one.observer.init(np.add(one.mean, 0.1 * r), 0.5) for r in range(3)]
     first, second = slice(0, 5), slice(5, ROWS)
     for inputs in (u, u[0]):
-        a = one.observer.run(y[:, :5], inputs[..., :5, :], state=states, **part(one.given, first))
+        a = one.observer.run(y[:, :5], inputs[..., :5, :], start=states, **part(one.given, first))
         rest = part(one.given, second)
-        b = one.observer.run(y[:, 5:], inputs[..., 5:, :], state=a.state, **rest)
+        b = one.observer.run(y[:, 5:], inputs[..., 5:, :], start=a.end, **rest)
         for r in range(3):
             known = inputs if inputs.ndim == 2 else inputs[r]
-            whole = one.observer.run(y[r], known, state=states[r], **one.given)
+            whole = one.observer.run(y[r], known, start=states[r], **one.given)
             parts = [a.record(r), b.record(r)]
             joined = {name: np.concatenate([each[name] for each in parts]) for name in whole}
             assert not differing(joined, whole.estimates)
-            assert not differing(remembered(parts[1].state), remembered(whole.state))
+            assert not differing(remembered(parts[1].end), remembered(whole.end))
             assert np.array_equal(b["state"][r], parts[1]["state"])
             assert parts[1].diverged_at is None
             assert [len(each) for each in parts] == [5, 4]
@@ -87,13 +87,13 @@ def test_many_records_give_the_bits_of_each_alone(
 
 def test_records_are_one_run_with_an_axis_for_them() -> None:
     one, (y, u) = GIVEN["Kalman"](), records()
-    run = one.observer.run(y, u, state=one.state)
-    listed = one.observer.run([each.tolist() for each in y], list(u), state=[one.state] * 3)
+    run = one.observer.run(y, u, start=one.state)
+    listed = one.observer.run([each.tolist() for each in y], list(u), start=[one.state] * 3)
     assert not differing(run.estimates, listed.estimates)
     assert run["covariance"].shape == (3, ROWS, 3, 3)
     assert repr(run).startswith(f"Run of 3 records of {ROWS} samples: state")
     assert len(run) == ROWS
-    assert len(run.state) == 3
+    assert len(run.end) == 3
     assert list(run.missing) == [int(np.isnan(each).any(axis=1).sum()) for each in y]
     with pytest.raises(InputError, match=r"^number: 3 must be a record, below 3$"):
         run.record(3)
@@ -106,9 +106,9 @@ def test_a_record_that_diverges_leaves_the_others_alone(row: int) -> None:
     one, (y, u) = GIVEN["Kalman"](), records()
     y[1, row] = 1e200
     with pytest.raises(DivergenceError, match=r"^record 1 \(KalmanFilter\) diverged: .* up to t ="):
-        one.observer.run(y, u, state=one.state)
-    run = one.observer.run(y, u, state=one.state, on_divergence="return")
-    alone = one.observer.run(y[1], u[1], state=one.state, on_divergence="return")
+        one.observer.run(y, u, start=one.state)
+    run = one.observer.run(y, u, start=one.state, on_divergence="return")
+    alone = one.observer.run(y[1], u[1], start=one.state, on_divergence="return")
     assert run.diverged_at[1] == alone.diverged_at == pytest.approx(0.1 * max(0, row - 1))
     assert np.isnan(run.diverged_at[[0, 2]]).all()
     assert np.isnan(run["state"][1, row:]).all()
@@ -117,9 +117,7 @@ def test_a_record_that_diverges_leaves_the_others_alone(row: int) -> None:
     assert not differing(run.record(1).estimates, alone.estimates)
     assert run.record(1).diverged_at == alone.diverged_at
     assert run.record(0).diverged_at is None
-    assert run.state[1] is one.state or not differing(
-        remembered(run.state[1]), remembered(one.state)
-    )
+    assert run.end[1] is one.state or not differing(remembered(run.end[1]), remembered(one.state))
 
 
 # --- What a run keeps -----------------------------------------------------------------------------
@@ -127,7 +125,7 @@ def test_a_record_that_diverges_leaves_the_others_alone(row: int) -> None:
 
 def test_what_a_run_keeps_agrees_with_filterpy_by_row() -> None:
     (y, u), given, one = record(), all_but("S"), KalmanFilter(MODEL)
-    run = one.run(y, u, state=one.init([0.3, -0.2, 0.1], 0.5), **given, keep=KEEP)
+    run = one.run(y, u, start=one.init([0.3, -0.2, 0.1], 0.5), **given, keep=KEEP)
     peer = PeerKalman(3, 2, 2)
     peer.x, peer.P = np.array([[0.3], [-0.2], [0.1]]), 0.5 * np.eye(3)
     for k in range(ROWS):
@@ -152,8 +150,8 @@ def test_what_a_run_keeps_agrees_with_filterpy_by_row() -> None:
 def test_kept_rows_of_nonlinear_filters_are_predictions(kind: Any) -> None:
     one, (y, u) = kind(PENDULUM), record()
     state = one.init([0.3, -0.2], 0.5)
-    run = one.run(y, u, state=state, keep=KEEP)
-    assert not differing(one.run(y, u, state=state, keep="gain").estimates | {
+    run = one.run(y, u, start=state, keep=KEEP)
+    assert not differing(one.run(y, u, start=state, keep="gain").estimates | {
         name: run[name] for name in KEEP
     }, run.estimates)  # fmt: skip
     posterior = state.posterior
@@ -196,9 +194,9 @@ def test_augmented_filter_and_smoother_are_those_of_one_model(names: str) -> Non
     given, other = {n: rows[n] for n in names}, {n: whole[n] for n in names}
     peer = KalmanFilter(model)
     spread = np.diag([0.5, 0.5, 0.5, 2.0])
-    wanted = peer.run(y, u, state=peer.init([0.3, -0.2, 0.1, 0.4], spread), keep=KEEP, **other)
+    wanted = peer.run(y, u, start=peer.init([0.3, -0.2, 0.1, 0.4], spread), keep=KEEP, **other)
     state = one.init([0.3, -0.2, 0.1], 0.5, unknown_input=[0.4], unknown_input_covariance=2.0)
-    run = one.run(y, u, state=state, keep=[*KEEP, CROSS], **given)
+    run = one.run(y, u, start=state, keep=[*KEEP, CROSS], **given)
     smooth = rts_smoother(one, run, u, y=y, **given)
     smoothed = rts_smoother(peer, wanted, u, y=y, **other)
     for found, known in ((run, wanted), (smooth, smoothed)):
@@ -216,7 +214,7 @@ def test_components_go_by_the_names_of_signals() -> None:
     names: Any = {"state_names": ["p", "v", "a"], "output_names": ["near", "far"]}
     model = LinearModel(**MODEL.arrays._asdict(), sampling_period=0.1, **names)
     (y, u), one = record(), augmented(model, unknown_input_names=["bias"])
-    run = one.run(y, u, state=one.init([0.0] * 3, 1.0), keep=CROSS)
+    run = one.run(y, u, start=one.init([0.0] * 3, 1.0), keep=CROSS)
     assert np.array_equal(run["state_v"], run["state"][:, 1])
     assert np.array_equal(run["covariance_p_a"], run["covariance"][:, 0, 2])
     assert np.array_equal(run["innovation_far"], run["innovation"][:, 1], equal_nan=True)
@@ -227,7 +225,7 @@ def test_components_go_by_the_names_of_signals() -> None:
     assert {"state_p", "unknown_input_bias", f"{CROSS}_p_bias"} <= {*run.to_pandas().columns}
     plain = KalmanFilter(model)
     ys, us = records()
-    many = plain.run(ys, us, state=plain.init([0.0] * 3, 1.0), keep=KEEP)
+    many = plain.run(ys, us, start=plain.init([0.0] * 3, 1.0), keep=KEEP)
     assert np.array_equal(many["predicted_state_a"], many["predicted_state"][..., 2])
     assert np.array_equal(many["gain_p_far"], many["gain"][..., 0, 1])
     assert np.array_equal(many.record(1)["state_v"], many["state"][1, :, 1])
@@ -247,9 +245,9 @@ def test_other_sizes_noise_and_matrices_by_row_compile_nothing() -> None:
         y = rng.normal(size=(4, m) if count == 1 else (count, 4, m))
         u = rng.normal(size=(4, p))
         for one in (KalmanFilter(model), bank(KalmanFilter(model), KalmanFilter(model))):
-            one.run(y, u, state=one.init([0.0] * n, 1.0), **given)
+            one.run(y, u, start=one.init([0.0] * n, 1.0), **given)
             if by_row:
-                one.run(y, u, state=one.init([0.0] * n, 1.0), **given, S=np.zeros((4, n, m)))
+                one.run(y, u, start=one.init([0.0] * n, 1.0), **given, S=np.zeros((4, n, m)))
 
     def nonlinear(kind: Any, gain: float, noise: float, by_row: bool) -> None:
         model = NonlinearModel(
@@ -260,7 +258,7 @@ def test_other_sizes_noise_and_matrices_by_row_compile_nothing() -> None:
         if by_row:
             given |= {"R": np.full((4, 1, 1), noise), "parameters": {"gain": rng.random(4)}}
         one = kind(model)
-        one.run(rng.normal(size=(4, 1)), [0.0] * 4, state=one.init([0.0], 1.0), **given)
+        one.run(rng.normal(size=(4, 1)), [0.0] * 4, start=one.init([0.0], 1.0), **given)
 
     small, large = kalman.UNROLLED, kalman.UNROLLED + 1
     linear(small, 1, 1, False, 1)
@@ -284,7 +282,7 @@ def test_other_sizes_noise_and_matrices_by_row_compile_nothing() -> None:
 @pytest.mark.parametrize("kind", GIVEN)
 def test_states_hold_no_rows_but_the_last(kind: str) -> None:
     one, (y, u) = GIVEN[kind](), record()
-    held = one.observer.run(y, u, state=one.state, **one.given).state.held or {}
+    held = one.observer.run(y, u, start=one.state, **one.given).end.held or {}
     for matrices in held if isinstance(held, tuple) else (held,):
         for array in matrices.values():
             assert not array.flags.writeable

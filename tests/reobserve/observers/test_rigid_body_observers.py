@@ -114,7 +114,7 @@ def test_error_grows_only_above_the_sampled_limit(
             sampling_period=interval / 10,
         )
         # An error so small that the gyroscopic torque stays negligible.
-        run = run_on_halves(observer, resting, resting, state=observer.init([1e-90, -2e-90, 3e-90]))
+        run = run_on_halves(observer, resting, resting, start=observer.init([1e-90, -2e-90, 3e-90]))
         assert run.diverged_at is None
         size = np.linalg.norm(run["rate"] / 1e-90, axis=1)[:-1].reshape(4, -1).max(axis=1)
         growth.append(size[3] / size[1])
@@ -151,7 +151,7 @@ def errors_under_a_sine(
     h = observer.sampling_period
     steps = round((settle + periods * 2 * np.pi / OMEGA) / h)
     rate = turned_by_a_sine()(np.arange(2 * steps + 1) * h / 2)
-    run = run_on_halves(observer, rate, np.zeros_like(rate), state=observer.init(np.zeros(3)))
+    run = run_on_halves(observer, rate, np.zeros_like(rate), start=observer.init(np.zeros(3)))
     first = round(settle / h)
     time = np.arange(first, steps + 1) * h
     torque = np.outer(np.sin(OMEGA * time), [1.0, 0.0, 0.0])
@@ -259,8 +259,8 @@ def test_identity_learning_approaches_the_matched_adaptive_observer() -> None:
         )
         late = time > 1.0
         difference = (
-            run_on_halves(learning, rate, control, state=learning.init(np.zeros(3)))["fault"]
-            - run_on_halves(matched, rate, control, state=matched.init(np.zeros(3)))["fault"]
+            run_on_halves(learning, rate, control, start=learning.init(np.zeros(3)))["fault"]
+            - run_on_halves(matched, rate, control, start=matched.init(np.zeros(3)))["fault"]
         )[late]
         sizes.append(np.abs(difference).max())
         known = interval**3 * leading[late]
@@ -332,7 +332,7 @@ def run_at_rest(observer: RigidBodyObserver, name: str, steps: int) -> Run[Rigid
     record = np.zeros((2 * steps + 1, 3))
     first = [0.1, 0.0, 0.0] if "first" in name else [0.1, 0.2, -0.1]
     start = observer.init(first)
-    return run_on_halves(observer, record, record, state=start, on_divergence="return")
+    return run_on_halves(observer, record, record, start=start, on_divergence="return")
 
 
 @pytest.mark.parametrize("unwritten", [np.nan, 1.0])
@@ -388,7 +388,7 @@ def test_overflow_at_the_first_sample_is_reported(
     state = observer.init(np.full(3, -1e308), fault=np.full(3, 1e308))
     for call in (
         observer.step,
-        lambda state, *row: observer.run(*np.stack(row)[:, None], state=state),
+        lambda state, *row: observer.run(*np.stack(row)[:, None], start=state),
     ):
         with pytest.raises(DivergenceError, match=r"finite up to t = 0 s and not after$"):
             call(state, np.full(3, 1e308), np.zeros(3))
@@ -529,7 +529,7 @@ def test_exact_initial_estimate_stays_exact() -> None:
         ),
     ):
         run = run_on_halves(
-            observer, rate, np.zeros_like(rate), state=observer.init(rate[0], fault=torque)
+            observer, rate, np.zeros_like(rate), start=observer.init(rate[0], fault=torque)
         )
         assert np.max(np.abs(run["fault"] - torque)) < 1e-9
         assert np.max(np.abs(run.before["fault"] - torque)) < 1e-9

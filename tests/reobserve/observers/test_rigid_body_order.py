@@ -253,7 +253,7 @@ def simulate(
     y_before[0], u_before[0] = y[0], u[0]
     observer = build(h)
     run = run_on_halves(
-        observer, y, u, state=observer.init(ESTIMATE), y_before=y_before, u_before=u_before
+        observer, y, u, start=observer.init(ESTIMATE), y_before=y_before, u_before=u_before
     )
     assert run.diverged_at is None
     return run

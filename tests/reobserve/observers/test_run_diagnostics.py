@@ -28,7 +28,7 @@ def measured() -> Any:
 
 def run(y: Any, start: float = 0.04 / 0.19, **changes: Any) -> Run[Any]:
     found = KalmanFilter(model(**changes))
-    return found.run(y, state=found.init([0.0, 0.0], start))
+    return found.run(y, start=found.init([0.0, 0.0], start))
 
 
 def test_right_model_is_not_spoken_against() -> None:

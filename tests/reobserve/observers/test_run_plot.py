@@ -23,7 +23,7 @@ def ends(band: object) -> tuple[float, float]:
 
 def test_bands_are_two_deviations_wide() -> None:
     kalman = KalmanFilter(MODEL)
-    run = kalman.run(Y, np.zeros(20), state=kalman.init([0, 0], 1.0))
+    run = kalman.run(Y, np.zeros(20), start=kalman.init([0, 0], 1.0))
     state, innovation = run.plot(["state", "innovation"]).axes
     for column, band in enumerate(state.collections):
         x, deviation = run["state"][-1, column], np.sqrt(run["variance"][-1, column])
@@ -36,7 +36,7 @@ def test_bands_are_two_deviations_wide() -> None:
 
 def test_unknown_input_has_a_band_and_its_true_value() -> None:
     observer = AugmentedKalmanFilter(MODEL, fault_matrix=[[0.0], [1.0]], random_walk=1e-3)
-    run = observer.run(Y, np.zeros(20), state=observer.init([0, 0], 1.0))
+    run = observer.run(Y, np.zeros(20), start=observer.init([0, 0], 1.0))
     fault = np.where(np.arange(20) < 10, 0.0, 0.3)
     (axes,) = run.plot(["unknown_input"], known={"unknown_input": fault}).axes
     d, deviation = run["unknown_input"][-1, 0], np.sqrt(run["unknown_input_variance"][-1, 0])
@@ -46,7 +46,7 @@ def test_unknown_input_has_a_band_and_its_true_value() -> None:
 
 def test_true_values_of_another_shape_are_refused() -> None:
     kalman = KalmanFilter(MODEL)
-    run = kalman.run(Y, np.zeros(20), state=kalman.init([0, 0], 1.0))
+    run = kalman.run(Y, np.zeros(20), start=kalman.init([0, 0], 1.0))
     with pytest.raises(InputError, match=r"known state: has shape \(20,\), must be \(20, 2\)"):
         run.plot(["state"], known={"state": Y})
     with pytest.raises(InputError, match="there is no 'fault'"):

@@ -68,7 +68,7 @@ def test_smoother_agrees_with_least_squares_over_the_record(kind: str) -> None:
     changes = {} if kind == "kalman" else {"Q": noise}
     if kind == "kalman":
         noise = np.tile(Q, (rows, 1, 1))
-    run = one.run(y, u, state=one.init([1.0, 0.0], 1.0), **changes)
+    run = one.run(y, u, start=one.init([1.0, 0.0], 1.0), **changes)
     found = rts_smoother(one, run, u, **changes)
     information, right = np.zeros((2 * rows, 2 * rows)), np.zeros(2 * rows)
     information[:2, :2], right[:2] = np.eye(2), [1.0, 0.0]
@@ -95,7 +95,7 @@ def test_smoother_agrees_with_least_squares_over_the_record(kind: str) -> None:
 def test_smoother_agrees_with_filterpy() -> None:
     y, u = record(60)
     one = filters()["kalman"]
-    run = one.run(y, u, state=one.init([1.0, 0.0], 1.0))
+    run = one.run(y, u, start=one.init([1.0, 0.0], 1.0))
     peer = PeerKalman(2, 1)
     peer.F, peer.Q = A, Q
     # filterpy's smoother has no input: the driven part of the state is subtracted before.
@@ -117,7 +117,7 @@ def test_unscented_smoother_agrees_with_filterpy() -> None:
         sampling_period=STEP,
     )  # fmt: skip
     one, u = UnscentedKalmanFilter(model, alpha=0.5, beta=2.0, kappa=1.0), np.full((50, 1), 0.3)
-    run = one.run(y, u, state=one.init([0.2, 0.1], 0.2))
+    run = one.run(y, u, start=one.init([0.2, 0.1], 0.2))
     points = MerweScaledSigmaPoints(2, 0.5, 2.0, 1.0)
     peer = PeerUKF(
         2, 2, STEP, pendulum_output, lambda x, dt: pendulum_step(x, np.array([0.3])), points
@@ -142,7 +142,7 @@ def test_smoother_agrees_with_published_nile_results(kind: str) -> None:
     """The diffuse likelihood is that of the differences, which do not depend on the first level."""
     one = nile(kind)
     # With a diffuse initial state the first measurement becomes the level, with its variance.
-    run = one.run(NILE[1:], state=one.init([NILE[0]], 15099.0, u=[]))
+    run = one.run(NILE[1:], start=one.init([NILE[0]], 15099.0, u=[]))
     changes, eye = np.diff(NILE), np.eye(len(NILE) - 1)
     noise = 2 * eye - np.eye(len(eye), k=1) - np.eye(len(eye), k=-1)
     expected = multivariate_normal(cov=1469.1 * eye + 15099.0 * noise).logpdf(changes)
@@ -164,7 +164,7 @@ def test_smoother_agrees_with_published_nile_results(kind: str) -> None:
 def test_invalid_smoother_input_is_refused() -> None:
     one = filters()["extended"]
     y, u = record(10)
-    run = one.run(y, u, state=one.init([1.0, 0.0], 1.0))
+    run = one.run(y, u, start=one.init([1.0, 0.0], 1.0))
     with pytest.raises(InputError, match=r"^u: is left out, must have shape \(10, 1\)$"):
         rts_smoother(one, run)
     with pytest.raises(InputError, match=r"^u: has 4 rows, must have 10"):
@@ -173,9 +173,9 @@ def test_invalid_smoother_input_is_refused() -> None:
         rts_smoother(one, run, u, Q=np.tile(Q, (3, 1, 1)))
     with pytest.raises(InputError, match=r"^run: .* must be a run of the filter, with state and"):
         rts_smoother(one, run["state"], u)  # type: ignore[arg-type]
-    noisier = one.run(y, u, state=one.init([1.0, 0.0], 1.0), Q=2 * np.asarray(one.model.Q))
+    noisier = one.run(y, u, start=one.init([1.0, 0.0], 1.0), Q=2 * np.asarray(one.model.Q))
     with pytest.raises(InputError, match=r"^Q: is left out, but was given to the run"):
         rts_smoother(one, noisier, u)
     bank = IMM([one, one], [[0.9, 0.1], [0.1, 0.9]])
     with pytest.raises(InputError, match=r"^run: ends in .*ImmState.*, must be a run"):
-        rts_smoother(one, bank.run(y, u, state=bank.init([1.0, 0.0], 1.0)), u)
+        rts_smoother(one, bank.run(y, u, start=bank.init([1.0, 0.0], 1.0)), u)

@@ -52,13 +52,13 @@ def test_gap_overlap_and_clock_set_back_are_refused(make: Any, begin: float) -> 
     observer, state = make()
     y, u = record(observer)
     timestamps = PERIOD * np.arange(10.0)
-    first = observer.run(y, u, state=state, time=1000.0 + timestamps)
-    assert first.state.time == pytest.approx(1000.9)
+    first = observer.run(y, u, start=state, time=1000.0 + timestamps)
+    assert first.end.time == pytest.approx(1000.9)
     with pytest.raises(InputError, match=r"time: goes from 1000\.9 to"):
-        observer.run(y, u, state=first.state, time=begin + timestamps)
-    for kept in (first.state, copy.deepcopy(first.state), pickle.loads(pickle.dumps(first.state))):
+        observer.run(y, u, start=first.end, time=begin + timestamps)
+    for kept in (first.end, copy.deepcopy(first.end), pickle.loads(pickle.dumps(first.end))):
         for given in (None, 1001.0 + timestamps):
-            assert observer.run(y, u, state=kept, time=given).time == pytest.approx(
+            assert observer.run(y, u, start=kept, time=given).time == pytest.approx(
                 1001.0 + timestamps
             )
 

@@ -79,7 +79,7 @@ def begun(name: str) -> list[Any]:
     mean = [0.0] * (1 if name == "faults" else n)
     spread = () if name == "fixed" else (1.0,)
     start = observer.init(mean, *spread)
-    after = observer.run(np.zeros(2), np.ones((2, observer.inputs)), state=start).state
+    after = observer.run(np.zeros(2), np.ones((2, observer.inputs)), start=start).end
     return [start, observer.init(mean, *spread, u=[0.5] * observer.inputs), after]
 
 
@@ -87,7 +87,7 @@ def outcome(observer: Any, state: Any) -> list[object]:
     """What a run and a step from a state give, or the sentence that refuses it."""
     u, found = np.ones((3, observer.inputs)), []
     for call in (
-        lambda: observer.run(np.zeros(3), u, state=state).estimates,
+        lambda: observer.run(np.zeros(3), u, start=state).estimates,
         lambda: dict(observer.step(state, [0.0], u[0])[1].estimates),
     ):
         try:
@@ -108,7 +108,7 @@ def test_state_is_judged_as_an_unmarked_copy_of_it(maker: str) -> None:
 def test_what_is_no_word_is_refused(value: Any) -> None:
     kalman = observers()["kalman"]
     with pytest.raises(InputError, match=r"^on_divergence: "):
-        kalman.run([0.0], [0.0], state=kalman.init([0, 0], 1.0), on_divergence=value)
+        kalman.run([0.0], [0.0], start=kalman.init([0, 0], 1.0), on_divergence=value)
 
 
 @pytest.mark.parametrize("columns", [1, 3])
@@ -117,10 +117,8 @@ def test_frame_is_refused_for_its_shape_before_its_times(columns: int) -> None:
     model = LinearModel([[0.9]], C=[[1]], Q=1e-4, R=1e-2, sampling_period=0.1)
     kalman = KalmanFilter(model)
     index = pd.date_range("2024-01-01", periods=2, freq="100ms")
-    state = kalman.run(
-        pd.DataFrame({"y": [0.0, 0.0]}, index=index), state=kalman.init([0], 1)
-    ).state
+    state = kalman.run(pd.DataFrame({"y": [0.0, 0.0]}, index=index), start=kalman.init([0], 1)).end
     later = pd.date_range("2024-01-02", periods=0 if columns == 1 else 2, freq="100ms")
     frame = pd.DataFrame(np.zeros((len(later), columns)), index=later)
     with pytest.raises(InputError, match=r"^y: has shape"):
-        kalman.run(frame, state=state)
+        kalman.run(frame, start=state)

@@ -87,7 +87,7 @@ Y, U = RNG.normal(size=60), np.sign(RNG.normal(size=60))
 def test_unit_of_time_leaves_estimates_alone(case: str, power: int) -> None:
     unit = 10.0**power
     (one, start), (other, begun) = CASES[case](1.0), CASES[case](unit)
-    run, scaled = one.run(Y, U, state=start), other.run(Y, U, state=begun)
+    run, scaled = one.run(Y, U, start=start), other.run(Y, U, start=begun)
     assert scaled.time == pytest.approx(unit * run.time, rel=1e-12)
     for name in run.estimates:
         size = {"parameter": unit, "parameter_variance": unit**2}.get(name, 1.0)

@@ -109,8 +109,8 @@ def test_noise_of_a_double_integrator_is_exact(T: float) -> None:
 def test_filter_and_smoother_agree_with_exact_matrices_by_row() -> None:
     one, (y, u) = KalmanFilter(SPRING), record()
     given = sampled_rows(SPRING, [*np.diff(TIMES), 0.1])
-    run = one.run(y, u, state=one.init([0.3, -0.2], 0.5), time=TIMES)
-    wanted = one.run(y, u, state=one.init([0.3, -0.2], 0.5), **given)
+    run = one.run(y, u, start=one.init([0.3, -0.2], 0.5), time=TIMES)
+    wanted = one.run(y, u, start=one.init([0.3, -0.2], 0.5), **given)
     assert np.array_equal(run.time, TIMES)
     for name in SHARED:
         np.testing.assert_allclose(run[name], wanted[name], rtol=1e-11, atol=1e-12)
@@ -124,7 +124,7 @@ def test_bank_agrees_with_exact_matrices_of_each_mode_by_row() -> None:
     modes = [sampled_rows(model, [*np.diff(TIMES), 0.1]) for model in (SPRING, STIFF)]
     given = {name: np.stack([mode[name] for mode in modes], axis=1) for name in modes[0]}
     state = one.init([0.3, -0.2], 0.5)
-    run, wanted = one.run(y, u, state=state, time=TIMES), one.run(y, u, state=state, **given)
+    run, wanted = one.run(y, u, start=state, time=TIMES), one.run(y, u, start=state, **given)
     for name in wanted:
         np.testing.assert_allclose(run[name], wanted[name], rtol=1e-11, atol=1e-12)
 
@@ -134,8 +134,8 @@ def test_matrices_by_row_stand_for_those_of_uneven_times() -> None:
     one, (y, u) = KalmanFilter(SPRING), record()
     given, state = sampled_rows(SPRING, [*np.diff(TIMES), 0.1]), one.init([0.3, -0.2], 0.5)
     given["Q"] = np.tile(0.3 * np.eye(2), (ROWS, 1, 1))
-    run = one.run(y, u, state=state, time=TIMES, Q=given["Q"])
-    wanted = one.run(y, u, state=state, **given)
+    run = one.run(y, u, start=state, time=TIMES, Q=given["Q"])
+    wanted = one.run(y, u, start=state, **given)
     for name in SHARED:
         np.testing.assert_allclose(run[name], wanted[name], rtol=1e-11, atol=1e-12)
 
@@ -162,14 +162,14 @@ def test_nonlinear_filters_at_uneven_times_agree_with_runge_kutta_by_row(kind: A
         given["B"].append(sum(power @ pushed for power in powers))
         given["Q"].append(sum(power @ W @ power.T * h for power in powers))
     (y, u), one, linear = record(), kind(model), KalmanFilter(SPRING)
-    wanted = linear.run(y, u, state=linear.init([0.3, -0.2], 0.5), **given)
-    run = one.run(y, u, state=one.init([0.3, -0.2], 0.5), time=TIMES)
+    wanted = linear.run(y, u, start=linear.init([0.3, -0.2], 0.5), **given)
+    run = one.run(y, u, start=one.init([0.3, -0.2], 0.5), time=TIMES)
     for name in SHARED:
         np.testing.assert_allclose(run[name], wanted[name], rtol=1e-10, atol=1e-11)
     smooth, exact = rts_smoother(one, run, u), rts_smoother(linear, wanted, u, **given)
     np.testing.assert_allclose(smooth["covariance"], exact["covariance"], rtol=1e-9, atol=1e-11)
     lengths = [*np.diff(TIMES), 0.1]
-    by_lengths = one.run(y, u, state=one.init([0.3, -0.2], 0.5), dt=lengths)
+    by_lengths = one.run(y, u, start=one.init([0.3, -0.2], 0.5), dt=lengths)
     np.testing.assert_allclose(by_lengths.time, TIMES, rtol=1e-14)
     for name in SHARED:
         np.testing.assert_allclose(by_lengths[name], run[name], rtol=1e-12, atol=1e-13)
@@ -206,10 +206,10 @@ def test_rows_left_out_are_rows_of_nan(
     held = pushed[np.searchsorted(kept, np.arange(len(time)), side="right") - 1]
     begin = one.init([angle, 0.0], [1e-2, 1.0])
     keep = ["predicted_state", "predicted_covariance"]
-    whole = one.run(y, held, state=begin, keep=keep)
-    short = one.run(y[kept], pushed, state=begin, time=time[kept], keep=keep)
+    whole = one.run(y, held, start=begin, keep=keep)
+    short = one.run(y[kept], pushed, start=begin, time=time[kept], keep=keep)
     by_lengths = np.diff(time[kept], append=time[-1] + 0.1)
-    again = one.run(y[kept], pushed, state=begin, dt=by_lengths, keep=keep)
+    again = one.run(y[kept], pushed, start=begin, dt=by_lengths, keep=keep)
     for name in (*SHARED, *keep):
         for found in (short, again):
             np.testing.assert_allclose(found[name], whole[name][kept], rtol=1e-7, atol=1e-9)
@@ -225,12 +225,12 @@ def test_noise_given_for_a_gap_is_added_at_its_end(kind: Any) -> None:
     quiet = np.zeros((4, 2, 2))
     quiet[2] = Q
     begin = one.init([0.4, 0.0], [1e-2, 1.0])
-    whole = one.run(y, np.ones(4), state=begin, Q=quiet)
-    short = one.run(y[::3], np.ones(2), state=begin, dt=[0.3, 0.1], Q=np.stack([Q, Q]))
+    whole = one.run(y, np.ones(4), start=begin, Q=quiet)
+    short = one.run(y[::3], np.ones(2), start=begin, dt=[0.3, 0.1], Q=np.stack([Q, Q]))
     for name in SHARED:
         np.testing.assert_allclose(short[name], whole[name][::3], rtol=1e-9, atol=1e-11)
-    first = one.run(y[:1], np.ones(1), state=begin, dt=0.3, Q=Q)
-    second = one.run(y[3:], np.ones(1), state=first.state)
+    first = one.run(y[:1], np.ones(1), start=begin, dt=0.3, Q=Q)
+    second = one.run(y[3:], np.ones(1), start=first.end)
     for name in SHARED:
         assert np.array_equal(second[name], short[name][1:])
 
@@ -239,9 +239,9 @@ def test_noise_given_for_a_gap_is_added_at_its_end(kind: Any) -> None:
 def test_noise_to_the_first_row_is_the_density_unless_it_was_given_before(kind: Any) -> None:
     one, y = kind(driven()), np.array([[0.5, 0.0], [0.3, -0.4]])
     begin = one.init([0.4, 0.0], [1e-2, 1.0])
-    whole = one.run(y, np.ones(2), state=begin, dt=[0.25, 0.1])
-    first = one.run(y[:1], np.ones(1), state=begin, dt=0.25)
-    second = one.run(y[1:], np.ones(1), state=first.state, Q=np.eye(2))
+    whole = one.run(y, np.ones(2), start=begin, dt=[0.25, 0.1])
+    first = one.run(y[:1], np.ones(1), start=begin, dt=0.25)
+    second = one.run(y[1:], np.ones(1), start=first.end, Q=np.eye(2))
     for name in SHARED:
         assert np.array_equal(second[name], whole[name][1:])
 
@@ -252,7 +252,7 @@ def test_rows_a_period_apart_or_less_are_one_step(periods: float) -> None:
     model, x = driven(), np.array([0.4, -0.2])
     one, h = UnscentedKalmanFilter(model), 0.1 * periods
     run = one.run(
-        [[np.nan] * 2] * 2, [0.0, 0.0], state=one.init(x, np.zeros((2, 2))), dt=[h, h],
+        [[np.nan] * 2] * 2, [0.0, 0.0], start=one.init(x, np.zeros((2, 2))), dt=[h, h],
         keep=["predicted_state", "predicted_covariance"],
     )  # fmt: skip
 
@@ -273,7 +273,7 @@ def test_a_gap_of_too_many_periods_is_refused() -> None:
     one = ExtendedKalmanFilter(driven())
     state = one.init([0, 0], 1.0)
     with pytest.raises(InputError, match=r"dt: of 1e\+09 s between two rows is 1e\+10 sampling"):
-        one.run([[0, 0], [0, 0]], [0, 0], state=state, time=[0.0, 1e9])
+        one.run([[0, 0], [0, 0]], [0, 0], start=state, time=[0.0, 1e9])
 
 
 # --- Several rates --------------------------------------------------------------------------------
@@ -293,10 +293,10 @@ def test_a_slow_sensor_in_a_fast_record_is_a_filter_of_its_rate(every: int) -> N
     )  # fmt: skip
     fast, one = KalmanFilter(SPRING), KalmanFilter(model)
     state = one.init([0.3, -0.2], 0.5)
-    run = fast.run(slow, u, state=state)
-    wanted = one.run(y[::every], u[::every], state=state)
+    run = fast.run(slow, u, start=state)
+    wanted = one.run(y[::every], u[::every], start=state)
     times = 0.1 * np.arange(0, 12, every)
-    skipping = fast.run(y[::every], u[::every], state=state, time=times)
+    skipping = fast.run(y[::every], u[::every], start=state, time=times)
     for name in SHARED:
         np.testing.assert_allclose(run[name][::every], wanted[name], rtol=1e-12, atol=1e-13)
         np.testing.assert_allclose(skipping[name], wanted[name], rtol=1e-12, atol=1e-13)
@@ -309,11 +309,11 @@ def test_two_sensors_of_two_rates_correct_one_after_the_other() -> None:
     """A record with a row for each reading, at its time, is that of a row for both at once."""
     both, times = np.array([[0.4, -0.3], [0.1, 0.2]]), [0.0, 0.3]
     one, u = KalmanFilter(SPRING), np.zeros((2, 2))
-    wanted = one.run(both, u, state=one.init([0.3, -0.2], 0.5), time=times)
+    wanted = one.run(both, u, start=one.init([0.3, -0.2], 0.5), time=times)
     apart = np.full((3, 2), np.nan)
     apart[0], apart[1, 0], apart[2, 1] = both[0], both[1, 0], both[1, 1]
     close = [0.0, 0.3, 0.3 + 1e-13]
-    run = one.run(apart, np.zeros((3, 2)), state=one.init([0.3, -0.2], 0.5), time=close)
+    run = one.run(apart, np.zeros((3, 2)), start=one.init([0.3, -0.2], 0.5), time=close)
     np.testing.assert_allclose(run["state"][-1], wanted["state"][-1], rtol=1e-11)
     total = run["log_likelihood"][1:].sum()
     assert total == pytest.approx(wanted["log_likelihood"][1], rel=1e-11)
@@ -325,10 +325,10 @@ def test_two_sensors_of_two_rates_correct_one_after_the_other() -> None:
 def test_noise_correlated_at_uneven_times_goes_on_over_parts() -> None:
     one, (y, u), S = KalmanFilter(SPRING), record(), np.full((ROWS, 2, 2), 0.006)
     state = one.init([0.3, -0.2], 0.5)
-    whole = one.run(y, u, state=state, time=TIMES, S=S)
-    exact = one.run(y, u, state=state, S=S, **sampled_rows(SPRING, [*np.diff(TIMES), 0.1]))
-    first = one.run(y[:4], u[:4], state=state, time=TIMES[:4], S=S[:4])
-    second = one.run(y[4:], u[4:], state=first.state, time=TIMES[4:], S=S[4:])
+    whole = one.run(y, u, start=state, time=TIMES, S=S)
+    exact = one.run(y, u, start=state, S=S, **sampled_rows(SPRING, [*np.diff(TIMES), 0.1]))
+    first = one.run(y[:4], u[:4], start=state, time=TIMES[:4], S=S[:4])
+    second = one.run(y[4:], u[4:], start=first.end, time=TIMES[4:], S=S[4:])
     for name in SHARED:
         np.testing.assert_allclose(whole[name], exact[name], rtol=1e-11, atol=1e-12)
         joined = np.concatenate([first[name], second[name]])
@@ -340,11 +340,11 @@ def test_what_leads_to_the_next_row_is_held_over_to_uneven_times(name: str) -> N
     one, (y, u), own = KalmanFilter(SPRING), record(), getattr(SPRING, name)
     rows = np.linspace(0.5, 1.5, ROWS)[:, None, None] * own
     state = one.init([0.3, -0.2], 0.5)
-    first = one.run(y[:4], u[:4], state=state, time=TIMES[:4], **{name: rows[:4]})
-    second = one.run(y[4:], u[4:], state=first.state, time=TIMES[4:])
+    first = one.run(y[:4], u[:4], start=state, time=TIMES[:4], **{name: rows[:4]})
+    second = one.run(y[4:], u[4:], start=first.end, time=TIMES[4:])
     given = sampled_rows(SPRING, [*np.diff(TIMES), 0.1])
     given[name][:4] = rows[:4]
-    wanted = one.run(y, u, state=state, **given)
+    wanted = one.run(y, u, start=state, **given)
     np.testing.assert_allclose(second["state"], wanted["state"][4:], rtol=1e-11, atol=1e-12)
     np.testing.assert_allclose(second["covariance"], wanted["covariance"][4:], rtol=1e-11)
 
@@ -352,19 +352,19 @@ def test_what_leads_to_the_next_row_is_held_over_to_uneven_times(name: str) -> N
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, UnscentedKalmanFilter])
 def test_noise_of_the_last_row_is_held_over_to_periods_that_differ(kind: Any) -> None:
     one, (y, u), noise = kind(PENDULUM), record(), np.array([[4.0, 0.5], [0.5, 2.0]])
-    first = one.run(y, u, state=one.init([0.3, -0.2], 0.5), dt=LENGTHS, Q=noise)
+    first = one.run(y, u, start=one.init([0.3, -0.2], 0.5), dt=LENGTHS, Q=noise)
     keep = ["predicted_covariance"]
-    second = one.run(y[:2], u[:2], state=first.state, dt=[0.09, 0.3], keep=keep)
+    second = one.run(y[:2], u[:2], start=first.end, dt=[0.09, 0.3], keep=keep)
     given = np.array([0.09 * np.asarray(PENDULUM.density), noise])  # on the second nothing depends
-    wanted = one.run(y[:2], u[:2], state=first.state, dt=[0.09, 0.3], Q=given, keep=keep)
+    wanted = one.run(y[:2], u[:2], start=first.end, dt=[0.09, 0.3], Q=given, keep=keep)
     assert not differing(second.estimates, wanted.estimates)
     assert second["predicted_covariance"][0, 0, 0] > 4.0
 
 
 def test_times_go_on_from_the_last_one_by_the_sampling_period() -> None:
     one, (y, u) = KalmanFilter(SPRING), record()
-    first = one.run(y, u, state=one.init([0.3, -0.2], 0.5), time=TIMES)
-    second = one.run(y[:2], u[:2], state=first.state)
+    first = one.run(y, u, start=one.init([0.3, -0.2], 0.5), time=TIMES)
+    second = one.run(y[:2], u[:2], start=first.end)
     np.testing.assert_allclose(second.time, [1.05, 1.15], rtol=1e-14)
-    timed = one.run(y[:2], u[:2], state=first.state, time=second.time)
+    timed = one.run(y[:2], u[:2], start=first.end, time=second.time)
     assert not differing(second.estimates, timed.estimates)

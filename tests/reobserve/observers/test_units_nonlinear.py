@@ -69,7 +69,7 @@ def estimates(kind: str, model: str, x: Array, s: Array) -> dict[str, Array]:
             parameters=dict(zip(NAMES, [*x, *s], strict=True)),
         )
     )  # fmt: skip
-    run = one.run(y / s, state=one.init(START / x, P0 / np.outer(x, x)))
+    run = one.run(y / s, start=one.init(START / x, P0 / np.outer(x, x)))
     smoothed = rts_smoother(one, run)
     found = {"filtered": run, "smoothed": smoothed}
     return {
@@ -115,7 +115,7 @@ def test_differences_near_zero_keep_digits_beside_a_large_output(
     )
     rows = 1e3 + np.sin([0.1, 0.4, 0.7])
     found, wanted = (
-        one.run(rows, state=one.init([mean], variance))["state"]
+        one.run(rows, start=one.init([mean], variance))["state"]
         for one in map(ExtendedKalmanFilter, models)
     )
     assert found == pytest.approx(wanted, rel=1e-8)

@@ -128,8 +128,8 @@ def test_steady_gain_is_the_limit_of_the_filter_gain(build: Any, mode: str) -> N
     _, _, H, _, _, R = model.arrays
     kalman, rows = KalmanFilter(model), 4000
     still = np.zeros((rows, model.outputs)), np.zeros((rows, 1))
-    run = kalman.run(*still, state=kalman.init(np.zeros(model.states), 1.0))
-    P = kalman.predict(run.state.posterior, [0.0]).covariance
+    run = kalman.run(*still, start=kalman.init(np.zeros(model.states), 1.0))
+    P = kalman.predict(run.end.posterior, [0.0]).covariance
     limit = np.linalg.solve(H @ P @ H.T + R, H @ P).T
     found = steady_kalman_gain(model)
     assert np.abs(found - limit).max() < 1e-12 * np.abs(limit).max()

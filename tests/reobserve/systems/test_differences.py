@@ -29,7 +29,7 @@ def test_derivative_fits_the_size_of_the_state(case: str, deviation: float) -> N
     h, x, slope = CASES[case]
     model = NonlinearModel(lambda x: x, h, 0.0, 1e-60, F=lambda x: [[1.0]], states=1, outputs=1)
     kalman = ExtendedKalmanFilter(model)
-    run = kalman.run([h([x])], state=kalman.init([x], deviation**2))
+    run = kalman.run([h([x])], start=kalman.init([x], deviation**2))
     # S = (dh/dx)^2 P
     found = math.sqrt(run["innovation_covariance"][0, 0, 0]) / deviation
     assert found == pytest.approx(abs(slope), rel=1e-9)
@@ -43,5 +43,5 @@ def test_step_at_a_jump_stays_as_it_is() -> None:
 
     model = NonlinearModel(lambda x: x, sign, 0.0, 1.0, F=lambda x: [[1.0]], states=1, outputs=1)
     kalman = ExtendedKalmanFilter(model)
-    run = kalman.run([0.0], state=kalman.init([0.0], 1.0))
+    run = kalman.run([0.0], start=kalman.init([0.0], 1.0))
     assert 1.0 < run["innovation_covariance"][0, 0, 0] < 1e7

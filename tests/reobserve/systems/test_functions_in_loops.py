@@ -42,7 +42,7 @@ def estimates(kind: Any, f: Any, y: list[float], start: float = 0.0) -> Array:
     """States of a filter that takes the measurements as they are."""
     model = NonlinearModel(f, lambda x: x[0], 1.0, 1e-9, F=lambda x: [[1.0]], states=1, outputs=1)
     filtered = kind(model)
-    state: Array = filtered.run(y, state=filtered.init([start], 1e-3))["state"]
+    state: Array = filtered.run(y, start=filtered.init([start], 1e-3))["state"]
     return state
 
 
@@ -122,7 +122,7 @@ def test_function_cannot_write_into_the_filter(wrap: Any) -> None:
         states=1, outputs=1,
     )  # fmt: skip
     kalman = ExtendedKalmanFilter(model)
-    assert kalman.run([8.0], state=kalman.init([8.0], 1.0))["state"].tolist() == [[8.0]]
+    assert kalman.run([8.0], start=kalman.init([8.0], 1.0))["state"].tolist() == [[8.0]]
 
 
 @pytest.mark.parametrize("kind", FILTERS)
@@ -135,8 +135,8 @@ def test_division_by_zero_in_a_text_is_infinite(kind: Any, power: str) -> None:
     model.functions.f(np.ones(1), np.zeros(1), out)  # as Python calls it
     filtered = kind(model)
     with pytest.raises(DivergenceError):
-        filtered.run([1.0, 1.0, 1.0], [1.0, 0.0, 1.0], state=filtered.init([0.0], 1.0))
-    run = filtered.run([0.0, 0.0], [2.0, 2.0], state=filtered.init([0.0], 0.0))
+        filtered.run([1.0, 1.0, 1.0], [1.0, 0.0, 1.0], start=filtered.init([0.0], 1.0))
+    run = filtered.run([0.0, 0.0], [2.0, 2.0], start=filtered.init([0.0], 0.0))
     sought = {"1/u**2": 0.25, "u**(-3)": 0.125, "1/u**4": 0.0625, "1.0/u": 0.5}[power]
     S = run["innovation_covariance"][1, 0, 0]
     assert run["state"][1, 0] == pytest.approx(sought / S, rel=1e-12)
@@ -176,7 +176,7 @@ def test_parts_of_many_records_raise_what_a_thread_raised() -> None:
     y = np.full((4, 5000, 1), 1.5)
     y[3, 4000] = 9.5
     with pytest.raises(InputError, match="IndexError: index 9 is out of bounds"):
-        kalman.run(y, state=kalman.init([0.0], 1e-3))
+        kalman.run(y, start=kalman.init([0.0], 1e-3))
 
 
 @vector_field
@@ -193,19 +193,19 @@ def table_gain(x: Any, parameters: Any, out: Any) -> None:
 def test_vector_field_reports_an_index_and_leaves_the_state_alone() -> None:
     model = TriangularModel(1, beyond, table_gain, [1.0, 1.0])
     observer = HighGainObserver(model, rho=1.0, sampling_period=0.1)
-    good = observer.run([0.0, 1.0, 0.0], [0.0] * 3, state=observer.init([0.0]))
+    good = observer.run([0.0, 1.0, 0.0], [0.0] * 3, start=observer.init([0.0]))
     assert abs(good["state"]).max() < 1.0
     with pytest.raises(InputError, match="table_gain: raises IndexError: index 2 is out of bounds"):
-        observer.run([0.0, 5.0, 0.0], [0.0] * 3, state=observer.init([0.0]))
+        observer.run([0.0, 5.0, 0.0], [0.0] * 3, start=observer.init([0.0]))
 
 
 def test_text_models_can_be_pickled_and_copied() -> None:
     model = triangular_model(["a", "b"], ["0", "-sin(a)"], "1")
     observer = HighGainObserver(model, rho=1.0, sampling_period=0.1)
     y, u = np.sin(np.arange(10.0)), np.zeros(10)
-    sought = observer.run(y, u, state=observer.init([0.0, 0.0]))["state"]
+    sought = observer.run(y, u, start=observer.init([0.0, 0.0]))["state"]
     for one in (pickle.loads(pickle.dumps(observer)), copy.deepcopy(observer)):
-        assert np.array_equal(one.run(y, u, state=one.init([0.0, 0.0]))["state"], sought)
+        assert np.array_equal(one.run(y, u, start=one.init([0.0, 0.0]))["state"], sought)
 
 
 # --- Covariances --------------------------------------------------------------------------------

@@ -68,7 +68,7 @@ Y, U = np.sin(np.arange(30.0)), np.cos(np.arange(30.0))
 
 def state_of(model: NonlinearModel, kind: Any = ExtendedKalmanFilter) -> Array:
     one = kind(model)
-    found: Array = one.run(Y, U, state=one.init([0.1, 0.2], 1.0))["state"]
+    found: Array = one.run(Y, U, start=one.init([0.1, 0.2], 1.0))["state"]
     return found
 
 
@@ -132,7 +132,7 @@ def test_names_reach_data_frames_and_plots() -> None:
         ["a + w/10", "w - sin(a)/10 + u/10"], "a", output_names=["encoder"], **TEXT
     )
     one = ExtendedKalmanFilter(model)
-    run = one.run(Y, U, state=one.init([0.1, 0.2], 1.0))
+    run = one.run(Y, U, start=one.init([0.1, 0.2], 1.0))
     assert list(run.to_pandas()) == [
         "state_a", "state_w", "variance_a", "variance_w", "covariance_a_a", "covariance_a_w",
         "covariance_w_a", "covariance_w_w", "innovation_encoder",
@@ -248,7 +248,7 @@ NOISE_REFUSED = [
 def test_invalid_noise_is_refused(noise: dict[str, Any], said: str) -> None:
     one = ExtendedKalmanFilter(text()())
     with pytest.raises(InputError) as error:
-        one.run(Y, U, state=one.init([0.0, 0.0], 1.0), **noise)
+        one.run(Y, U, start=one.init([0.0, 0.0], 1.0), **noise)
     assert str(error.value).startswith(said)
 
 
@@ -271,9 +271,9 @@ def test_function_failing_in_a_run_is_named(kind: Any, value: float, said: str) 
     u = np.zeros(30)
     u[10] = value
     with pytest.raises(InputError) as error:
-        one.run(Y, u, state=start)
+        one.run(Y, u, start=start)
     assert str(error.value).startswith(said)
-    assert len(one.run(Y, np.zeros(30), state=start)) == 30  # and nothing of it remains
+    assert len(one.run(Y, np.zeros(30), start=start)) == 30  # and nothing of it remains
     with pytest.raises(InputError):
         one.predict(start.posterior, [value])
 
@@ -301,13 +301,13 @@ def test_non_finite_value_is_reported_with_the_time(kind: Any, f: Any, h: Any, w
     u[10] = 1.0
     start = one.init([0.1, 0.2], 1.0)
     with pytest.raises(DivergenceError) as error:
-        one.run(Y, u, state=start)
+        one.run(Y, u, start=start)
     last = (
         5.0 if why.startswith("f") else 4.5
     )  # f leads from row 10 to the next, h belongs to row 10
     assert error.value.time == last
     assert error.value.finding == why
-    run = one.run(Y, u, state=start, on_divergence="return")
+    run = one.run(Y, u, start=start, on_divergence="return")
     assert run.diverged_at == run.time[-1] == last
 
 

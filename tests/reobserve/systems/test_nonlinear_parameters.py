@@ -41,7 +41,7 @@ def estimates(model: NonlinearModel, kind: Any = ExtendedKalmanFilter) -> Array:
     """States and covariances of a run, smoothed states, and a step by its two halves."""
     one = kind(model)
     start = one.init([0.1, 0.2], 1.0)
-    run = one.run(Y, U, state=start)
+    run = one.run(Y, U, start=start)
     ahead = one.predict(start.posterior, [0.3])
     after = one.correct(ahead, [0.2], [0.3]).posterior
     parts = [run["state"], run["covariance"], rts_smoother(one, run, U)["state"]]
@@ -119,7 +119,7 @@ def test_derivative_of_sinc_is_zero_at_zero() -> None:
         through(model.functions.F, np.array([0.0, w]), np.zeros(1), out)
         np.testing.assert_allclose(out, [1.0, 0.0, 0.0, wanted], rtol=1e-12)
     found = ExtendedKalmanFilter(model)
-    run = found.run(np.ones((3, 1)), np.zeros((3, 1)), state=found.init([0.0, 0.0], 1.0))
+    run = found.run(np.ones((3, 1)), np.zeros((3, 1)), start=found.init([0.0, 0.0], 1.0))
     assert np.isfinite(run["state"]).all()
 
 
@@ -214,9 +214,9 @@ def test_each_filter_of_a_bank_has_its_own_values() -> None:
     models = [NonlinearModel(f, h, parameters={**VALUES, "g": g}, **TEXT) for g in (2.5, 5.0)]
     alone = [ExtendedKalmanFilter(one) for one in models]
     bank = IMM(alone, np.eye(2), mixing=False)
-    found = bank.run(Y, U, state=bank.init([0.1, 0.2], 1.0))["innovation"]
+    found = bank.run(Y, U, start=bank.init([0.1, 0.2], 1.0))["innovation"]
     for j, one in enumerate(alone):
-        run = one.run(Y, U, state=one.init([0.1, 0.2], 1.0))
+        run = one.run(Y, U, start=one.init([0.1, 0.2], 1.0))
         np.testing.assert_allclose(found[:, j], run["innovation"], rtol=1e-14)
 
 

@@ -50,7 +50,7 @@ def test_length_of_a_pendulum_is_found(kind: type) -> None:
         assert model.parameter_names == ("damping",)
         observer = kind(model)
         start = observer.init([0.8, 0, 1.0], [1e-4, 1e-4, 0.1])
-        found.append(observer.run(y, u, state=start))
+        found.append(observer.run(y, u, start=start))
     text, python = found
     assert text["state"][-1, 2] == pytest.approx(1.3, abs=4 * np.sqrt(text["variance"][-1, 2]))
     assert np.sqrt(text["variance"][-1, 2]) < 1e-3
@@ -62,7 +62,7 @@ def test_length_of_a_pendulum_is_found(kind: type) -> None:
         state_names=["angle", "rate", "length"], input_names=["torque"],
     )  # fmt: skip
     other = kind(whole)
-    expected = other.run(y, u, state=other.init([0.8, 0, 1.0], [1e-4, 1e-4, 0.1]))
+    expected = other.run(y, u, start=other.init([0.8, 0, 1.0], [1e-4, 1e-4, 0.1]))
     np.testing.assert_allclose(text["state"], expected["state"], rtol=1e-10, atol=1e-12)
 
 
@@ -87,7 +87,7 @@ def test_all_parameters_and_discrete_models() -> None:
         assert (model.states, model.parameters) == (3, None)
         assert model.Q.diagonal().tolist() == [1e-8, 1e-9, 0.0]
         observer = ExtendedKalmanFilter(model)
-        run = observer.run(y, u, state=observer.init([0, 0.5, 0.5], 1.0))
+        run = observer.run(y, u, start=observer.init([0, 0.5, 0.5], 1.0))
         states.append(run["state"])
         off = run["state"][-1, 1:] - [1.5, 0.8]
         assert (np.abs(off) < 4 * np.sqrt(run["variance"][-1, 1:])).all()

@@ -24,7 +24,7 @@ def test_parameters_of_a_model_may_be_a_list() -> None:
     first, second = (
         HighGainObserver(model, rho=2.0, sampling_period=0.01) for model in (lag, listed)
     )
-    found, wanted = (one.run(y, u, state=one.init([0.0]))["state"] for one in (second, first))
+    found, wanted = (one.run(y, u, start=one.init([0.0]))["state"] for one in (second, first))
     assert np.array_equal(found, wanted)
 
 
@@ -95,7 +95,7 @@ def test_integers_of_more_than_64_bits_are_compiled() -> None:
     y, u = np.full(3, 0.25), np.full(3, 1e-30)
     same = triangular_model(["a"], ["0"], "1e30 + 1.4285714285714285714e24*a - 1e-23*a")
     other = HighGainObserver(same, rho=2.0, sampling_period=0.01)
-    found, wanted = (one.run(y, u, state=one.init([0.0]))["state"] for one in (observer, other))
+    found, wanted = (one.run(y, u, start=one.init([0.0]))["state"] for one in (observer, other))
     assert found[-1, 0] > 0.02
     assert found == pytest.approx(wanted, rel=1e-15)
 

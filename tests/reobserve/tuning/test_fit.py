@@ -89,7 +89,7 @@ def test_likelihood_of_many_records_is_that_of_their_joint_distribution() -> Non
         for by in (0.98, 1.02):
             other = dict(found.values) | {name: by * found.values[name]}
             kalman, start = local_level(other)
-            runs = [kalman.run(one, state=start) for one in (y[:150], y[200:260])]
+            runs = [kalman.run(one, start=start) for one in (y[:150], y[200:260])]
             assert sum(run["log_likelihood"].sum() for run in runs) < found.log_likelihood
 
 
@@ -117,7 +117,7 @@ def test_length_of_a_pendulum_is_found_and_nothing_is_compiled_for_it() -> None:
                 x = x + h / 6 * (slopes[0] + 2 * slopes[1] + 2 * slopes[2] + slopes[3])
             x[1] += 1e-3 * rng.standard_normal()
         records.append(y)
-    pendulum(truth)[0].run(records[0], state=pendulum(truth)[1])
+    pendulum(truth)[0].run(records[0], start=pendulum(truth)[1])
     before = len(run_nonlinear.signatures)
     ranges = {"length": (0.3, 2.0), "push": (1e-9, 1e-3), "noise": (1e-6, 1e-2)}
     found = fit(pendulum, ranges, records)

@@ -96,7 +96,7 @@ def test_kalman_filter_of_the_true_model_has_an_expected_error_of_one() -> None:
         one = TaskRecord(TIME, np.zeros((len(TIME), 0)), x + 0.5 * random.normal(size=x.shape), x)
         found.append(score(
             lambda r: estimates_with(
-                "covariance", observer, "state", r.measurements, state=observer.init([0.0], 0.01)
+                "covariance", observer, "state", r.measurements, start=observer.init([0.0], 0.01)
             ), one, 0.0,
         ).nees)  # fmt: skip
     assert np.mean(found) == pytest.approx(1.0, abs=0.05)

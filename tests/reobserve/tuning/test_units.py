@@ -45,7 +45,7 @@ def found(x: Array, y: Array) -> Tuned:
 
     def score(one: Any, record: tuple[Array, Array]) -> float:
         truth, measured = record
-        run = one.run(measured / y, state=one.init(truth[0] / x, 1.0 / x**2))
+        run = one.run(measured / y, start=one.init(truth[0] / x, 1.0 / x**2))
         error = (run["state"] * x - truth) / truth.std(axis=0)
         return float(np.sqrt(np.mean(error**2)))
 

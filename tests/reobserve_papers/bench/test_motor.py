@@ -200,7 +200,7 @@ def test_filter_of_diffuse_faults_is_the_inverted_model() -> None:
     )
     y, u = record.measurements, record.inputs
     start = observer.init(y[0], 1e-4, unknown_input_covariance=1e8)
-    raw = observer.run(y, u, state=start)["unknown_input"] / plant.largest
+    raw = observer.run(y, u, start=start)["unknown_input"] / plant.largest
     lags = {"lag_actuator": 1e-9, "lag_sensor": 1e-9}
     inverted = values(motor.inverted(plant, lags, PERIOD, 0.01)(record))
     # A voltage fault is seen in the current a row later.

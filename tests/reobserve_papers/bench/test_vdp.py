@@ -182,7 +182,7 @@ def test_normal_form_and_differentiator_are_those_of_their_settings() -> None:
         record.measurements,
     )
     found = estimated("normal_form", {"frequency": 4.0, "damping": 0.6, "order": 2}, record)
-    assert (found == observer.run(y, state=observer.init([y[0, 0], 0.0]))["state"]).all()
+    assert (found == observer.run(y, start=observer.init([y[0, 0], 0.0]))["state"]).all()
     levant = LevantDifferentiator(L=30.0, order=2, lambdas=(2.5, 1.5, 1.1), sampling_period=T)
     found = estimated("levant", {"L": 30.0, "lambda0": 2.5}, record)
     assert (found == levant.run(y[:, 0])["derivatives"][:, :2]).all()

@@ -158,7 +158,7 @@ def extended(order: int, plant: Plant, s: Settings, period: float, _: float) -> 
         start = observer.init(y[0], delay=plant.middle)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SwitchedOffWarning)  # slow inputs: the score shows it
-            return _late(plant, 0, estimates_of(observer, "delay", y, u, state=start))
+            return _late(plant, 0, estimates_of(observer, "delay", y, u, start=start))
 
     return run
 
@@ -270,7 +270,7 @@ def ekf(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
         taps = np.lib.stride_tricks.sliding_window_view(u, first + 2)[:, ::-1]
         start = observer.init([y[0, 0], plant.middle], [noise**2, (most - least) ** 2 / 12])
         noises = {"Q": Q, "R": noise**2}
-        estimates = estimates_with("variance", observer, "state", y, taps, state=start, **noises)
+        estimates = estimates_with("variance", observer, "state", y, taps, start=start, **noises)
         return _late_with(plant, first, estimates.values[:, 1], estimates.covariances[:, 1])
 
     return run
@@ -305,7 +305,7 @@ def imm(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     def run(record: TaskRecord) -> Estimates:
         (delays, late), first = _grid(plant, s, period, record), _first(plant, period)
         y = record.measurements[first:]
-        weights = estimates_of(bank, "probability", y, late, state=bank.init(y[0], noise**2))
+        weights = estimates_of(bank, "probability", y, late, start=bank.init(y[0], noise**2))
         mean = weights @ delays
         return _late_with(plant, first, mean, weights @ delays**2 - mean**2)
 
@@ -340,7 +340,7 @@ def grid(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
         start = bank.init(y[deepest], noise**2, u=held[deepest])
         start, now = replace(start, past=held[:deepest]), slice(deepest + 1, None)
         estimates = estimates_with(
-            "parameter_variance", bank, "parameter", y[now], held[now], state=start
+            "parameter_variance", bank, "parameter", y[now], held[now], start=start
         )
         return _late_with(plant, deepest + 1, estimates.values, estimates.covariances)
 

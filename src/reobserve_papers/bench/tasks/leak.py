@@ -230,7 +230,7 @@ def _distances(plant: Plant, s: Settings, period: float, noise: float) -> Statis
     start = observer.init(np.zeros(4), REST)
 
     def run(record: TaskRecord) -> Array:
-        rows = observer.run(record.measurements, record.inputs, state=start)
+        rows = observer.run(record.measurements, record.inputs, start=start)
         return np.asarray(rows["innovation"][:, 0] ** 2 / rows["innovation_covariance"][:, 0, 0])
 
     return run
@@ -269,7 +269,7 @@ def bank(kind: str, plant: Plant, s: Settings, period: float, noise: float) -> S
 
     def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs
-        modes = np.maximum(estimates_of(observer, "probability", y, u, state=start), math.exp(-FAR))
+        modes = np.maximum(estimates_of(observer, "probability", y, u, start=start), math.exp(-FAR))
         return np.asarray(np.log(modes[:, 1] + modes[:, 2]) - np.log(modes[:, 0]))
 
     return run
@@ -286,7 +286,7 @@ def augmented(plant: Plant, s: Settings, period: float, noise: float) -> Statist
 
     def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs
-        lost = -estimates_of(observer, "unknown_input", y, u, state=start)[1:, 0] * u[:-1, 0]
+        lost = -estimates_of(observer, "unknown_input", y, u, start=start)[1:, 0] * u[:-1, 0]
         return np.asarray(lfilter([1.0 - decay], [1.0, -decay], np.r_[0.0, lost]))
 
     return run
@@ -305,7 +305,7 @@ def sum_of_ratios(
         y, u = record.measurements, record.inputs
         if restarts:
             return restarted_cusum(normal, leaky, y, u, start)
-        logs = [estimates_of(each, "log_likelihood", y, u, state=start) for each in (normal, leaky)]
+        logs = [estimates_of(each, "log_likelihood", y, u, start=start) for each in (normal, leaky)]
         return cusum(logs[1] - logs[0])
 
     return run

@@ -166,7 +166,7 @@ def _extended_state(plant: Plant, system: AugmentedSystem, gains: Gains, period:
     def run(record: TaskRecord) -> Array:
         y = record.measurements
         start = observer.init([*y[0], *y[0], 0.0, 0.0], filtered=y[0])  # begins healthy
-        outputs = observer.run(y, record.inputs, state=start)
+        outputs = observer.run(y, record.inputs, start=start)
         return np.hstack([outputs["actuator_fault"], outputs["sensor_fault"]]) / plant.largest
 
     return run
@@ -179,7 +179,7 @@ def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runne
     def run(record: TaskRecord) -> Estimates:
         y, u, name = record.measurements, record.inputs, "unknown_input"
         start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
-        estimates = estimates_with(f"{name}_covariance", observer, name, y, u, state=start)
+        estimates = estimates_with(f"{name}_covariance", observer, name, y, u, start=start)
         return _over_largest(plant, estimates)
 
     return run
@@ -192,7 +192,7 @@ def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     def run(record: TaskRecord) -> Estimates:
         y, u, cross = record.measurements, record.inputs, "state_unknown_input_covariance"
         start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)
-        late = rts_smoother(observer, observer.run(y, u, state=start, keep=[cross]), u)
+        late = rts_smoother(observer, observer.run(y, u, start=start, keep=[cross]), u)
         estimates = Estimates(late["unknown_input"], late["unknown_input_covariance"])
         return _over_largest(plant, estimates)
 
@@ -242,7 +242,7 @@ def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner
     def run(record: TaskRecord) -> Estimates:
         y, u = record.measurements, record.inputs
         start = bank.init(y[0], R, fault_covariance=0.0, rate_covariance=0.0)
-        estimates = estimates_with("fault_variance", bank, "fault", y, u, state=start)
+        estimates = estimates_with("fault_variance", bank, "fault", y, u, start=start)
         return _over_largest(plant, estimates)
 
     return run
@@ -260,7 +260,7 @@ def with_fault_states(plant: Plant, s: Settings, period: float, _: float) -> Run
     def run(record: TaskRecord) -> Array:
         y, u = record.measurements, record.inputs
         start = observer.init([*y[0], 0.0, 0.0])
-        return estimates_of(observer, "state", y, u, state=start)[:, 2:] / plant.largest
+        return estimates_of(observer, "state", y, u, start=start)[:, 2:] / plant.largest
 
     return run
 

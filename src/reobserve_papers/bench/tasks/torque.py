@@ -159,7 +159,7 @@ def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runne
         y = unexplained(plant, record, period)
         start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
         name = "unknown_input"
-        return estimates_with(f"{name}_covariance", observer, name, y, state=start)
+        return estimates_with(f"{name}_covariance", observer, name, y, start=start)
 
     return run
 
@@ -171,7 +171,7 @@ def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     def run(record: TaskRecord) -> Estimates:
         y = unexplained(plant, record, period)
         start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)
-        outputs = observer.run(y, state=start, keep=["state_unknown_input_covariance"])
+        outputs = observer.run(y, start=start, keep=["state_unknown_input_covariance"])
         late = rts_smoother(observer, outputs)
         return Estimates(late["unknown_input"], late["unknown_input_covariance"])
 
@@ -203,7 +203,7 @@ def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runne
     def run(record: TaskRecord) -> Estimates:
         y = unexplained(plant, record, T)
         start = observer.init(np.r_[y[0], np.zeros(6)], np.repeat([noise**2, 0.0, 0.0], 3))
-        estimates = estimates_with("covariance", observer, "state", y, state=start)
+        estimates = estimates_with("covariance", observer, "state", y, start=start)
         return Estimates(estimates.values[:, 3:6], estimates.covariances[:, 3:6, 3:6])
 
     return run
@@ -233,7 +233,7 @@ def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner
         estimates = []
         for i, bank in enumerate(axes):
             start = bank.init(z[0, [i]], variances[i], fault_covariance=0.0, rate_covariance=0.0)
-            estimates.append(estimates_with("fault_variance", bank, "fault", z[:, i], state=start))
+            estimates.append(estimates_with("fault_variance", bank, "fault", z[:, i], start=start))
         return Estimates(
             np.hstack([e.values for e in estimates]), np.hstack([e.covariances for e in estimates])
         )

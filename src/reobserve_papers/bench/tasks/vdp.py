@@ -111,7 +111,7 @@ def kalman(kind: Any, plant: Plant, s: Settings, period: float, noise: float) ->
             noises["R"] = np.array(noise**2)
         else:
             start = replace(start, noise=np.array([noise**2]))
-        estimates = estimates_with("covariance", observer, "state", y, state=start, **noises)
+        estimates = estimates_with("covariance", observer, "state", y, start=start, **noises)
         return Estimates(estimates.values[:, :2], estimates.covariances[:, :2, :2])
 
     return run
@@ -131,7 +131,7 @@ def normal(plant: Plant, s: Settings, period: float, _: float) -> Runner:
 
     def run(record: TaskRecord) -> Array:
         y = record.measurements
-        return estimates_of(observer, "state", y, state=observer.init([y[0, 0], 0.0]))
+        return estimates_of(observer, "state", y, start=observer.init([y[0, 0], 0.0]))
 
     return run
 
@@ -145,7 +145,7 @@ def high_gain(plant: Plant, s: Settings, period: float, _: float) -> Runner:
 
     def run(record: TaskRecord) -> Array:
         y, start = record.measurements, observer.init([record.measurements[0, 0], 0.0])
-        return estimates_of(observer, "state", y, record.inputs, state=start)
+        return estimates_of(observer, "state", y, record.inputs, start=start)
 
     return run
 

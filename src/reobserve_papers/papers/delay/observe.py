@@ -111,7 +111,7 @@ def _extended(job: keys.Job, observer: keys.Extended, plant: Series, every: int)
     u, u_before = observer_inputs.inputs(job, observer, plant)
     run = run_on_halves(
         built, y[::every], u[::every],
-        state=built.init(observer.initial_estimate, delay=observer.initial_delay),
+        start=built.init(observer.initial_estimate, delay=observer.initial_delay),
         y_before=y_before[::every], u_before=u_before[::every],
     )  # fmt: skip
     unit = UNITS[observer.model][0]
@@ -127,7 +127,7 @@ def _standard(job: keys.Job, observer: keys.Standard, plant: Series, every: int)
     y, y_before = output(plant)
     u, u_before = observer_inputs.delayed_input(job, plant, observer.mean_delay)
     run = run_on_halves(
-        built, y[::every], u[::every], state=built.init(observer.initial_estimate),
+        built, y[::every], u[::every], start=built.init(observer.initial_estimate),
         y_before=y_before[::every], u_before=u_before[::every],
     )  # fmt: skip
     return {"state": Channel(run["state"], UNITS[observer.model][0])}

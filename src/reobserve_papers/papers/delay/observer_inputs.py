@@ -49,7 +49,7 @@ def _differentiated(job: keys.Job, observer: keys.Extended, u: Array, plant: Ser
     start = np.zeros(levant.order + 1)
     if observer.initial_derivatives == "exact":
         start = np.append(plant["input"][0], plant["input_derivatives"][0])
-    estimate = levant.run(samples, state=levant.init(start))["derivatives"]
+    estimate = levant.run(samples, start=levant.init(start))["derivatives"]
     index = np.arange(len(u))
     rates = estimate[index // every, 1:].copy()
     rates[:, 0] += rates[:, 1] * (index % every) * job.plant.step

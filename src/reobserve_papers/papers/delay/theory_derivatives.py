@@ -41,7 +41,7 @@ def measure(job: keys.Job, sine: Series) -> Iterator[Metric]:
     law = LevantDifferentiator(
         L=body.L, order=keys.MAX_DERIVATIVES, lambdas=body.lambdas, sampling_period=period
     )
-    run = law.run(truth[:, 0], state=law.init(np.zeros(keys.MAX_DERIVATIVES + 1)))
+    run = law.run(truth[:, 0], start=law.init(np.zeros(keys.MAX_DERIVATIVES + 1)))
     shares = root_mean_square((run["derivatives"] - truth)[late]) / sizes
     for i in range(1, keys.MAX_DERIVATIVES + 1):
         yield Metric("levant", f"relative_rms_error_{i}", float(shares[i]), "1")
@@ -66,7 +66,7 @@ def _growth(
         law = LevantDifferentiator(
             L=body.L, order=order, lambdas=body.lambdas, sampling_period=body.sampling
         )
-        run = law.run(truth[:, 0] + size * drawn, state=law.init(np.zeros(order + 1)))
+        run = law.run(truth[:, 0] + size * drawn, start=law.init(np.zeros(order + 1)))
         errors.append(root_mean_square((run["derivatives"] - truth)[late]))
     powers = np.log(errors[1] / errors[0]) / np.log(NOISES[1] / NOISES[0])
     for i in range(1, order + 1):
@@ -84,7 +84,7 @@ def _in_noise(
     drawn = size * stream.standard_normal(int(rows[-1]) + 1)[rows]
     order = keys.MAX_DERIVATIVES + 1
     law = LevantDifferentiator(L=body.L, order=order, sampling_period=body.sampling)
-    run = law.run(truth[:, 0] + drawn, state=law.init(np.zeros(order + 1)))
+    run = law.run(truth[:, 0] + drawn, start=law.init(np.zeros(order + 1)))
     errors = root_mean_square((run["derivatives"] - truth)[late])
     shares = errors / root_mean_square(truth[late])
     for i in range(1, order + 1):

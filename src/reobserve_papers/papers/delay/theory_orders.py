@@ -73,7 +73,7 @@ def _more_derivatives(job: keys.Job, sine: Series) -> Iterator[Metric]:
         for rho in job.theory.rhos:
             observer = built(job, rho, order)
             start = observer.init(body.initial_estimate, delay=body.initial_delay)
-            run = run_on_halves(observer, y, u, state=start)
+            run = run_on_halves(observer, y, u, start=start)
             error = np.column_stack([run["state"], run["delay"]]) - truth
             value = float(root_mean_square(error[chosen, -1]))
             away = float(np.linalg.norm(error[late & ~near], axis=1).max(initial=0.0))
@@ -100,7 +100,7 @@ def _starts_on_the_sine(job: keys.Job, sine: Series) -> Iterator[Metric]:
     ]
     ends = []
     for start in starts:
-        run = run_on_halves(observer, y, u, state=observer.init(start[:2], delay=start[2]))
+        run = run_on_halves(observer, y, u, start=observer.init(start[:2], delay=start[2]))
         ends.append(np.append(run["state"][-1], run["delay"][-1]))
     for name, estimates in (("starts", ends), ("guess", starts)):
         spread = float(np.max(np.ptp(estimates, axis=0)))

@@ -147,7 +147,7 @@ def _random_starts(job: keys.Job, ramp: Series) -> Iterator[Metric]:
     errors, unmoved, met = [], [], []
     for _ in range(job.theory.cases):
         start = built.init(stream.normal(size=model.states), delay=stream.uniform(*bounds))
-        run = run_on_halves(built, y, u[:rows], state=start)
+        run = run_on_halves(built, y, u[:rows], start=start)
         errors.append(np.abs(np.append(run["state"][-1], run["delay"][-1]) - truth))
         unmoved.append(np.abs(start.values - truth))
         met.append(np.isin(run["delay"], bounds).any())

@@ -52,6 +52,6 @@ def run_on(
     control, control_before = plant["control"][:, None], plant["control_before"][:, None]
     filtered = None if estimate is None else estimate[2:4]
     return run_on_halves(
-        observer, plant["output"], control, state=observer.init(estimate, filtered=filtered),
+        observer, plant["output"], control, start=observer.init(estimate, filtered=filtered),
         y_before=plant["output_before"], u_before=control_before,
     )  # fmt: skip

@@ -30,7 +30,7 @@ def observe(observer: RigidBodyObserver, job: keys.Job, plant: Series) -> Series
 
     run = run_on_halves(
         observer, samples(measured), samples("control"),
-        state=observer.init(mine.initial_rate, fault=mine.initial_fault),
+        start=observer.init(mine.initial_rate, fault=mine.initial_fault),
         y_before=samples(f"{measured}_before"), u_before=samples("control_before"),
     )  # fmt: skip
     channels = {

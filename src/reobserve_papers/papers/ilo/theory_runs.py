@@ -205,7 +205,7 @@ def _slowed(runs: Runs, factor: float) -> float:
     onset, axis = plant.events["onsets"][0], job.metrics.axis - 1
     change = 2 * round(0.5 * (onset + float(plant.time[-1])) / quick.sampling_period)
     start = quick.init(observer.initial_rate, fault=observer.initial_fault)
-    state = run_on_halves(quick, rate[: change + 1], control[: change + 1], state=start).state
+    state = run_on_halves(quick, rate[: change + 1], control[: change + 1], start=start).end
     slow = SampledILO(
         quick.model, K1=observer.K1, K2=observer.K2, observer_gain=observer.observer_gain,
         update_interval=factor * observer.update_interval, allow_unstable=True,
@@ -213,7 +213,7 @@ def _slowed(runs: Runs, factor: float) -> float:
     )  # fmt: skip
     run = run_on_halves(
         slow, rate[change:], control[change:],
-        state=RigidBodyState(state.rate, state.memory), on_divergence="return",
+        start=RigidBodyState(state.rate, state.memory), on_divergence="return",
     )  # fmt: skip
     if run.diverged_at is not None:
         return float("nan")

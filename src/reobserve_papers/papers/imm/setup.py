@@ -138,7 +138,7 @@ def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> R
     ``measured``, shape (k, m), are the ends of steps, ``held``, (k,), the inputs held over them.
     """
     state = start(chosen, observer, held[0])
-    return chosen.run(measured, stacked_inputs(held), state=state, on_divergence="return")
+    return chosen.run(measured, stacked_inputs(held), start=state, on_divergence="return")
 
 
 def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> ImmState:

@@ -91,7 +91,7 @@ class EnsembleRecord:
     def outcome(self, observer: NormalFormObserver, estimate: ArrayLike, band: float) -> RunOutcome:
         """The outcome of an observer that starts from ``estimate``, with the settling ``band``."""
         state = observer.init(estimate)
-        run = run_on_halves(observer, self.output, state=state, on_divergence="return")
+        run = run_on_halves(observer, self.output, start=state, on_divergence="return")
         if run.diverged_at is not None:
             none = (float("nan"),) * len(self.start)
             return RunOutcome(none, float("nan"), True, (float("nan"), *none), none)

@@ -36,4 +36,4 @@ def observe(
     every = stride(plant_settings.step, observer.sampling_period)
     output = plant["output"][::every]
     start = observer.init(initial)
-    return run_on_halves(observer, output, state=start, on_divergence=on_divergence), every
+    return run_on_halves(observer, output, start=start, on_divergence=on_divergence), every

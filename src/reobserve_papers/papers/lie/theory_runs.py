@@ -190,4 +190,4 @@ def _mean_slopes(
 
 def _run(observer: NormalFormObserver, output: Array, case: Case) -> Run[NormalFormState]:
     start = observer.init(case.initial_estimate)
-    return run_on_halves(observer, output, state=start, on_divergence="return")
+    return run_on_halves(observer, output, start=start, on_divergence="return")

@@ -49,7 +49,7 @@ def test_loaded_design_is_bitwise_identical_to_the_saved_one(
         loaded = load_design(stored[name])
         sine = 0.1 * np.sin(np.arange(30.0))[:, None]
         y, u = (sine * np.ones(len(part)) for part in (design.measurements, design.inputs))
-        runs = [each.observer.run(y, u, state=each.start()) for each in (design, loaded)]
+        runs = [each.observer.run(y, u, start=each.start()) for each in (design, loaded)]
         left = set(runs[0].estimates) - set(loaded.estimates)
         assert all(name.endswith("covariance") for name in left)
         for estimate, signals in loaded.estimates.items():

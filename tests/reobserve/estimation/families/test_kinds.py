@@ -122,7 +122,7 @@ def test_high_gain_error_decays_within_the_proved_bound() -> None:
     decay = built.certify()["decay"]
     assert decay == pytest.approx(rho / 2 - ratio * np.hypot(9.81 / rho, 0.5), rel=1e-9)
     y = np.zeros((101, 1))  # the plant at rest
-    error = built.observer.run(y, y, state=built.start())["state"]
+    error = built.observer.run(y, y, start=built.start())["state"]
     S = lyapunov_matrix(2, rho)
     size = np.einsum("ki,ij,kj->k", error, S, error)
     bound = size[0] * np.exp(-2 * decay * 0.01 * np.arange(101)) * (1 + 1e-9)
@@ -206,7 +206,7 @@ def test_rigid_body_starts_from_the_stated_rate_and_fault(kind: str) -> None:
     found = built.start()
     assert np.array_equal(found.rate, wanted.rate)
     y, u = np.tile(rate, (3, 1)), np.zeros((3, 3))
-    runs = [built.observer.run(y, u, state=state)["fault"] for state in (found, wanted)]
+    runs = [built.observer.run(y, u, start=state)["fault"] for state in (found, wanted)]
     assert np.array_equal(*runs)
     for given, said in (({"initial_fault": fault}, "goes with"), ({"initial_state": rate,
                         "initial_fault": fault[:2]}, r"has shape \(2,\)")):  # fmt: skip

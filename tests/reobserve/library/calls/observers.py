@@ -45,13 +45,13 @@ def _recorded(
         y: Any, u: Any, state: Any, time: Any, before: Any, middle: Any, on_divergence: Any
     ) -> object:
         options = {"time": time, "before": before, "middle": middle}
-        return observer.run(y, u, state=state, on_divergence=on_divergence, **options)
+        return observer.run(y, u, start=state, on_divergence=on_divergence, **options)
 
     def step(state: Any, y: Any, u: Any, before: Any, middle: Any) -> object:
         return observer.step(state, y, u, before=before, middle=middle)
 
     def run_of_rows(y: Any, u: Any, state: Any, time: Any, on_divergence: Any) -> object:
-        return observer.run(y, u, state=state, time=time, on_divergence=on_divergence)
+        return observer.run(y, u, start=state, time=time, on_divergence=on_divergence)
 
     first: Any = method(observer, "init", *start)
     state, time = first.function(*start), observer.sampling_period * np.arange(len(y))
@@ -72,7 +72,7 @@ def _from_state(
     """Run an observer over a record and step it with the first row."""
 
     def run(y: Any, u: Any, state: Any) -> object:
-        return observer.run(y, u, state=state)
+        return observer.run(y, u, start=state)
 
     yield Call(method(observer, "run").name, run, (y, u, state), takes)
     yield method(observer, "step", state, y[0], u[0], takes=takes)
@@ -261,7 +261,7 @@ def _nonlinear_filters() -> Iterator[Call]:
         yield method(observer, "init", [0.0, 0.0], np.eye(2))
 
         def run(y: Any, u: Any, state: Any, Q: Any, R: Any, observer: Any = observer) -> object:
-            return observer.run(y, u, state=state, Q=Q, R=R)
+            return observer.run(y, u, start=state, Q=Q, R=R)
 
         def step(state: Any, y: Any, u: Any, Q: Any, R: Any, observer: Any = observer) -> object:
             return observer.step(state, y, u, Q=Q, R=R)
@@ -274,7 +274,7 @@ def _nonlinear_filters() -> Iterator[Call]:
         yield method(observer, "correct", start.posterior, [0.1], [1.0], takes=MISSING)
 
         def smooth(u: Any, Q: Any, observer: Any = observer, start: Any = start) -> object:
-            return rts_smoother(observer, observer.run(y, np.ones((20, 1)), state=start), u, Q=Q)
+            return rts_smoother(observer, observer.run(y, np.ones((20, 1)), start=start), u, Q=Q)
 
         kind = type(observer).__name__
         yield Call(f"observers.smoother.rts_smoother, {kind}", smooth, (u, noise[0]))

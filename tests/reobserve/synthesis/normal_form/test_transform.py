@@ -71,7 +71,7 @@ def test_one_call_designs_an_observer_for_a_user_defined_system(name: str, form:
     )
     reached = np.linalg.eigvals(np.asarray(observer.normal_form.problem.A))
     np.testing.assert_allclose(np.poly(reached), np.poly(poles), atol=1e-9)
-    run = run_on_halves(observer, y, state=observer.init([0.0] * len(start)))
+    run = run_on_halves(observer, y, start=observer.init([0.0] * len(start)))
     error = np.linalg.norm(run["state"] - x[::2], axis=1)
     assert run.diverged_at is None
     # The rest is the error of the integrator and of the truncated T.
@@ -94,7 +94,7 @@ def test_one_call_agrees_with_the_stepwise_construction(gain: str) -> None:
         how: dict[str, Any] = {"order": 4, "sampling_period": 0.02, "form": form, "gain": gain}
         for given in ({"poles": [-1.2, -2.1]}, {"injection": injection}):
             one = normal_form_observer(*DUFFING, **how, **given)
-            left, right = (o.run(y, state=o.init([0.1, 0.0])) for o in (one, other))
+            left, right = (o.run(y, start=o.init([0.1, 0.0])) for o in (one, other))
             assert left["state"].tobytes() == right["state"].tobytes()
             assert left.state.values.tobytes() == right.state.values.tobytes()
 
@@ -122,7 +122,7 @@ def test_domain_can_be_checked_after_one_call() -> None:
     """The series of f go up to degree 25, enough for the radius, though the gain is of order 4."""
     observer = normal_form_observer(["x - x**2"], ["x"], ["x"], order=4, sampling_period=0.1,
                                     poles=[-0.5], degree=25)  # fmt: skip
-    run = observer.run(np.full((41, 1), 0.5), state=observer.init([0.5]))
+    run = observer.run(np.full((41, 1), 0.5), start=observer.init([0.5]))
     assert observer.check_domain(run) is None
 
 

@@ -129,12 +129,12 @@ def test_printed_differentiator_fails_in_the_observer_even_without_noise() -> No
         law = LevantDifferentiator(
             L=0.11, order=2, lambdas=(3.0, 1.5, 1.0), printed=printed, sampling_period=0.5 * STEP
         )
-        rates = law.run(exact[:, 0], state=law.init(np.zeros(3)))["derivatives"][:, 1:]
+        rates = law.run(exact[:, 0], start=law.init(np.zeros(3)))["derivatives"][:, 1:]
         inputs, start = (
             np.column_stack([exact[:, 0], rates]),
             built.init([0.0, 0.0], delay=FIRST_DELAY),
         )
-        delay = run_on_halves(built, y, inputs, state=start)["delay"]
+        delay = run_on_halves(built, y, inputs, start=start)["delay"]
         error = delay - PROFILE(STEP * np.arange(len(delay)))[:, 0]
         found[printed] = rms_of(seconds(error, 5, 60))
     known = rms_of(seconds(delay_error("sine", 2.5, 2, 0.7, 60.0), 5, 60))
@@ -247,7 +247,7 @@ def late_delays(states: int, order: int, rho: float, control: Signal) -> tuple[A
         MODELS[states], rho=rho, order=order, delay_bounds=(0.0, 1.5), sampling_period=STEP
     )
     start = built.init(np.zeros(states), delay=FIRST_DELAY)
-    run = run_on_halves(built, x[:, 0], with_derivatives(control, order, time), state=start)
+    run = run_on_halves(built, x[:, 0], with_derivatives(control, order, time), start=start)
     return time[::2][-2000:], run["delay"][-2000:]
 
 
@@ -304,7 +304,7 @@ def test_form_called_upper_triangular_must_be_lower_triangular() -> None:
         plant = DelayedInputPlant(model)
         x = plant.simulate([0, 1], signal(sine(1, 1)), signal(constant(0)), 0.5 * STEP, 4000)
         built = HighGainObserver(model, rho=5.0, sampling_period=STEP)
-        estimate = run_on_halves(built, x[:, 0], known, state=built.init([0, 0]))["state"]
+        estimate = run_on_halves(built, x[:, 0], known, start=built.init([0, 0]))["state"]
         found.append(np.max(np.abs(estimate[-1] - x[-1])))
     assert found[0] < 1e-8
     assert found[1] > 1e3
@@ -326,7 +326,7 @@ def test_threshold_of_example_1_switches_off_the_observer_of_example_2() -> None
         )
         start = built.init([0.0], delay=FIRST_DELAY)
         with pytest.warns(SwitchedOffWarning, match="100 %"):
-            run = run_on_halves(built, x, u[:, : order + 1], state=start)
+            run = run_on_halves(built, x, u[:, : order + 1], start=start)
         assert np.all(run["delay"] == FIRST_DELAY)
     scaled = ExtendedHighGainObserver(
         LAG.model,
@@ -338,7 +338,7 @@ def test_threshold_of_example_1_switches_off_the_observer_of_example_2() -> None
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error", SwitchedOffWarning)
-        delay = run_on_halves(scaled, x, u, state=scaled.init([0.0], delay=FIRST_DELAY))["delay"]
+        delay = run_on_halves(scaled, x, u, start=scaled.init([0.0], delay=FIRST_DELAY))["delay"]
     error = delay - PROFILE(at)[:, 0]
     spans = ((12, 20), (32, 40), (52, 60), (66, 120))
     rms = [rms_of(seconds(error, *span)) for span in spans]

@@ -270,7 +270,7 @@ def test_differentiator_of_sliding_order_two_has_no_second_derivative() -> None:
     time = np.arange(0.0, 60.0, 1e-3)
     for order, lambdas in ((1, (1.5, 1.0)), (2, (3.0, 1.5, 1.0))):
         law = LevantDifferentiator(L=0.11, order=order, lambdas=lambdas, sampling_period=1e-3)
-        found = law.run(np.sin(0.2 * time), state=law.init(np.zeros(order + 1)))["derivatives"]
+        found = law.run(np.sin(0.2 * time), start=law.init(np.zeros(order + 1)))["derivatives"]
         assert found.shape[1] == order + 1
         assert found[-1, 1] == pytest.approx(0.2 * np.cos(12.0), abs=2e-3)
     assert found[-1, 2] == pytest.approx(-0.04 * np.sin(12.0), abs=2e-3)

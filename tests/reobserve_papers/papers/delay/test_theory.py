@@ -205,7 +205,7 @@ def test_wrong_derivatives_scale_the_delay_on_a_ramp() -> None:
     y, u = record("ramp", 5e-3, 19.0)
     for share in (0.01, 0.03, 0.1):
         wrong = np.ascontiguousarray(u * [1, 1 + share, 1 + share])
-        run = run_on_halves(built, y, wrong, state=built.init([0.0, 0.0], delay=0.3))
+        run = run_on_halves(built, y, wrong, start=built.init([0.0, 0.0], delay=0.3))
         assert run["delay"][-1] == pytest.approx(0.6 / (1 + share), rel=1e-7)
 
 
@@ -314,7 +314,7 @@ def test_errors_of_derivatives_agree_with_runs_by_hand() -> None:
     for name, order, y in (("", 2, truth[:, 0]), ("_in_noise", 3, noisy)):
         lambdas = [3.0, 1.5, 1.0] if order == 2 else None
         law = LevantDifferentiator(L=0.11, order=order, lambdas=lambdas, sampling_period=T)
-        run = law.run(y, state=law.init(np.zeros(order + 1)))["derivatives"]
+        run = law.run(y, start=law.init(np.zeros(order + 1)))["derivatives"]
         off = np.linalg.norm((run - truth[:, : order + 1])[late], axis=0)
         shares = off / np.linalg.norm(truth[late, : order + 1], axis=0)
         for i in range(1, order + 1):
@@ -340,7 +340,7 @@ def test_constant_gain_function_reproduces_the_library_observer() -> None:
     built = observer(Case("ramp", 5.0, 1), 5e-3)
     y, u = record("ramp", 5e-3, 10.0)
     begin = built.init(start[:2], delay=0.3)
-    run = run_on_halves(built, y, np.ascontiguousarray(u[:, :2]), state=begin)
+    run = run_on_halves(built, y, np.ascontiguousarray(u[:, :2]), start=begin)
     assert found[:, 4] == pytest.approx(run["delay"][::2], abs=1e-5)
     assert found[:, 2:4] == pytest.approx(run["state"][::2], abs=1e-5)
 
@@ -359,7 +359,7 @@ def test_constant_gain_function_reproduces_the_library_observer_on_the_sine() ->
     sine = theory_runs.record(job, job.theory.sine)
     y, u = theory_orders.rows_of(job, sine, 2)
     built = theory_orders.built(job, 5.0, 2)
-    run = run_on_halves(built, y, u, state=built.init([0.0, 0.0], delay=0.3))
+    run = run_on_halves(built, y, u, start=built.init([0.0, 0.0], delay=0.3))
     late = round(60 / job.theory.sampling_period)
     theirs = run["delay"][:: round(job.theory.sampling_period / built.sampling_period)]
     off = found[late:, 4] - theirs[late:]

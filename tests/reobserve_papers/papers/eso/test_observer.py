@@ -37,12 +37,12 @@ def observed(run: MotorRun, gains: Gains, step: float, known: str = "middles") -
     if known == "middles":
         observer = ExtendedStateObserver(SYSTEM, gains=gains, sampling_period=2 * step)
         return run_on_halves(
-            observer, after.output, after.control, state=observer.init(),
+            observer, after.output, after.control, start=observer.init(),
             y_before=before.output, u_before=before.control,
         )  # fmt: skip
     observer = ExtendedStateObserver(SYSTEM, gains=gains, sampling_period=step)
     limits = None if known == "samples" else (before.output, before.control)
-    return observer.run(after.output, after.control, state=observer.init(), before=limits)
+    return observer.run(after.output, after.control, start=observer.init(), before=limits)
 
 
 # --- Against an adaptive integration ------------------------------------------------------------

@@ -52,7 +52,7 @@ def test_input_of_equation_3_is_the_estimate() -> None:
         update_interval=delay * step,
         sampling_period=step,
     )
-    run = run_on_halves(observer, rate, np.zeros_like(rate), state=observer.init(np.zeros(3)))
+    run = run_on_halves(observer, rate, np.zeros_like(rate), start=observer.init(np.zeros(3)))
     v, seen = run["fault"], 2000.0 * (rate[::2] - run["rate"])
     assert v[delay:] == pytest.approx(0.9 * v[:-delay] + seen[delay:], abs=1e-9)
     assert abs(v[-1, 0] - 0.5) < 1e-3
@@ -122,6 +122,6 @@ def test_adaptive_observer_identifies_a_constant_fault() -> None:
         proportional_gain=0.0,
         sampling_period=step,
     )
-    run = run_on_halves(observer, rate, np.zeros_like(rate), state=observer.init(np.zeros(3)))
+    run = run_on_halves(observer, rate, np.zeros_like(rate), start=observer.init(np.zeros(3)))
     found = run["fault"][:, 0]
     assert abs(found[-1] - 0.5) < 1e-3

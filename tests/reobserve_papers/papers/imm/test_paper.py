@@ -247,7 +247,7 @@ def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[ImmState]]:
     z, control = found["measured"][:, columns], found["input"]
     u = np.column_stack([control, np.append(0.0, control[:-1])])
     start = bank.init(np.zeros(filters[0].model.states), 0.5, u=u[0])
-    return bank, bank.run(z[1:], u[1:], state=start)
+    return bank, bank.run(z[1:], u[1:], start=start)
 
 
 @pytest.mark.parametrize("realisation", REALISATIONS)

@@ -192,7 +192,7 @@ def test_bank_prediction_is_the_markov_weighted_filter_prediction() -> None:
         velocity = sum(weight * x[1] for weight, x in zip(c, ahead, strict=True))
         if k >= begin:
             squares.append((leaking[k, 1] - velocity) ** 2)
-        state = bank.run(leaking[k : k + 1], inputs[k : k + 1], state=state).state
+        state = bank.run(leaking[k : k + 1], inputs[k : k + 1], start=state).end
         held = inputs[k]
     short = {"theory": {"horizon": (begin + 50) * rules["period"]}}
     assert found(short)["svsf_thin", "bank_prediction_error"] == pytest.approx(
@@ -223,7 +223,7 @@ def test_only_a_priori_errors_leave_the_layers() -> None:
     job = job_of(fixed_parameters("imm"), "observe", "svsf")
     model = cast(GaussianFilter, observe.build(job, rules["period"]).filters[0]).model
     one = SmoothVariableStructureFilter(model, boundary_layer=layer, convergence_rate=0.1)
-    run = one.run(leaking, stacked_inputs(control), state=one.init([0.0] * 5, 1.0, u=[0.0, 0.0]))
+    run = one.run(leaking, stacked_inputs(control), start=one.init([0.0] * 5, 1.0, u=[0.0, 0.0]))
     late = slice((begin + len(leaking)) // 2, None)
     ratio = np.abs(run["innovation"][late]) / layer
     assert stated()["svsf", "layer_ratio"] == pytest.approx(ratio.max(), rel=1e-6)
@@ -301,7 +301,7 @@ def test_informed_states_are_those_of_a_filter_run_by_hand() -> None:
     job = job_of(fixed_parameters("imm"), "observe", "svsf")
     model = cast(GaussianFilter, observe.build(job, rules["period"]).filters[0]).model
     one = SmoothVariableStructureFilter(model, boundary_layer=layer, convergence_rate=0.1)
-    run = one.run(leaking, stacked_inputs(control), state=one.init([0.0] * 5, 1.0, u=[0.0, 0.0]))
+    run = one.run(leaking, stacked_inputs(control), start=one.init([0.0] * 5, 1.0, u=[0.0, 0.0]))
     outputs = run["state"] @ model.C.T + stacked_inputs(control) @ model.D.T
     size = np.sqrt(np.mean((outputs - leaking)[begin:] ** 2, axis=0))
     assert stated()["svsf", "informed_velocity_error"] == pytest.approx(size[1], rel=1e-9)

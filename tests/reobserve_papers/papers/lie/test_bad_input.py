@@ -125,8 +125,8 @@ def test_invalid_initial_estimates_and_states_are_refused(kind: Any) -> None:
     with pytest.raises(InputError, match=r"^state: .* not finite"):
         observer.init([0, np.inf])
     scalar = normal_form_observer(["-x"], ["x"], ["x"], order=1, sampling_period=0.1, poles=[-3.3])
-    with pytest.raises(InputError, match=r"^state: must be of an observer of 2 states"):
-        observer.run(np.zeros((3, 1)), state=scalar.init([0.0]))
+    with pytest.raises(InputError, match=r"^start: must be of an observer of 2 states"):
+        observer.run(np.zeros((3, 1)), start=scalar.init([0.0]))
 
 
 LINEAR = [{"component": 1, "powers": [1], "coefficient": -2},
