@@ -71,7 +71,7 @@ def as_numbers(name: str, value: ArrayLike | Any, *, writable: bool = True) -> N
             raise TypeError
         return np.require(array, np.float64, ["C", "A", "W"])
     except MemoryError:
-        shape = getattr(value, "shape", None)
+        shape = (len(value),) if isinstance(value, range) else getattr(value, "shape", None)
         which = f"of shape {shape} " if shape else ""
         raise InputError(name, f"{which}is too large for memory") from None
     except Exception:  # rows of different lengths, too many of them, or an object's own error

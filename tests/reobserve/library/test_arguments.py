@@ -160,9 +160,9 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
     system = AugmentedSystem(-one, one, one, none, none, one, none)
     calls: list[tuple[Any, str]] = [
         (lambda: observer.run(record, start, start=start), "u"),
-        (lambda: observer.run(record, record, start=record), "state"),
-        (lambda: observer.run(record, record, start=KalmanFilter), "state"),
-        (lambda: observer.step(None, record[0], record[0]), "state"),
+        (lambda: observer.run(record, record, start=record), "start"),
+        (lambda: observer.run(record, record, start=KalmanFilter), "start"),
+        (lambda: observer.step(None, record[0], record[0]), "start"),
         (
             lambda: SampledILO(
                 3, K1=0.5, K2=10.0, observer_gain=30.0, update_interval=0.1, sampling_period=0.01

@@ -248,7 +248,7 @@ def test_step_and_run_report_the_same_divergence() -> None:
         lambda: observer.run(rest[:1], rest[:1], start=bad),
         lambda: observer.step(bad, rest[0], rest[0]),
     ):
-        with pytest.raises(InputError, match=r"^state.rate: .* has an entry that is not finite$"):
+        with pytest.raises(InputError, match=r"^start.rate: .* has an entry that is not finite$"):
             call()
 
 

@@ -22,7 +22,7 @@ BY_POSITION = {
     "model", "system", "normal_form", "filters", "transition", "make",
     "A", "B", "C", "D", "f", "h", "Q", "R",
     "y", "u",
-    "state", "posterior", "mean", "covariance", "rate", "estimate", "derivatives",
+    "state", "start", "posterior", "mean", "covariance", "rate", "estimate", "derivatives",
 }  # fmt: skip
 METHODS = ("__init__", "init", "run", "step", "predict", "correct")
 

@@ -104,7 +104,7 @@ def augmented(model: LinearModel = MODEL, **options: Any) -> AugmentedKalmanFilt
     return AugmentedKalmanFilter(
         model,
         fault_matrix=[[1.0], [0.0], [0.5]],
-        random_walk=0.05,
+        random_walk=0.5,
         output_fault_matrix=[[0.2], [-0.1]],
         **options,
     )

@@ -36,4 +36,4 @@ class Case:
 
 def observe(case: Case, **changed: Any) -> Any:
     """The run of a case, with some arguments changed."""
-    return case.observer.run(**{"y": case.y, "u": case.u, "state": case.state, **changed})
+    return case.observer.run(**{"y": case.y, "u": case.u, "start": case.state, **changed})

@@ -86,7 +86,7 @@ def bank() -> Case:
 
 def unknown_input() -> Case:
     """A Kalman filter that estimates a constant force."""
-    observer, u = AugmentedKalmanFilter(MODEL, fault_matrix=HELD[1], random_walk=1e-8), force()
+    observer, u = AugmentedKalmanFilter(MODEL, fault_matrix=HELD[1], random_walk=2e-7), force()
     x, d = states(u, 0.3), np.full((ROWS, 1), 0.3)
     start = observer.init([0.0, 0.0], 1.0)
     truth, bounds = {"state": x, "unknown_input": d}, {"state": 1e-8, "unknown_input": 1e-8}

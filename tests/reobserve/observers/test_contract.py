@@ -421,7 +421,7 @@ def test_invalid_records_are_refused_naming_argument_and_row(case: Case) -> None
         observe(case, y=nan)
     with pytest.raises(InputError, match=r"^time: has \d+ rows, must have \d+ like y$"):
         observe(case, time=np.arange(3.0))
-    with pytest.raises(InputError, match=r"^state: "):
+    with pytest.raises(InputError, match=r"^start: "):
         observe(case, start=case.y)
     with pytest.raises(InputError, match=r"^on_divergence: "):
         observe(case, on_divergence="ignore")

@@ -252,7 +252,7 @@ def test_missing_state_and_state_of_another_filter_are_refused() -> None:
         r"posterior: has arrays of shapes \(\(1,\), \(1, 1\), \(1,\)\), "
         r"must be of 2 states, 1 outputs$"
     )
-    with pytest.raises(InputError, match=rf"^state\.{said}"):
+    with pytest.raises(InputError, match=rf"^start\.{said}"):
         kalman.run([[1.0]], [[0.0]], start=other)
     with pytest.raises(InputError, match=f"^{said}"):
         kalman.predict(other.posterior, [0.0])

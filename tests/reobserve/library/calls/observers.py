@@ -42,40 +42,40 @@ def _recorded(
     """
 
     def run(
-        y: Any, u: Any, state: Any, time: Any, before: Any, middle: Any, on_divergence: Any
+        y: Any, u: Any, start: Any, time: Any, before: Any, middle: Any, on_divergence: Any
     ) -> object:
         options = {"time": time, "before": before, "middle": middle}
-        return observer.run(y, u, start=state, on_divergence=on_divergence, **options)
+        return observer.run(y, u, start=start, on_divergence=on_divergence, **options)
 
-    def step(state: Any, y: Any, u: Any, before: Any, middle: Any) -> object:
-        return observer.step(state, y, u, before=before, middle=middle)
+    def step(start: Any, y: Any, u: Any, before: Any, middle: Any) -> object:
+        return observer.step(start, y, u, before=before, middle=middle)
 
-    def run_of_rows(y: Any, u: Any, state: Any, time: Any, on_divergence: Any) -> object:
-        return observer.run(y, u, start=state, time=time, on_divergence=on_divergence)
+    def run_of_rows(y: Any, u: Any, start: Any, time: Any, on_divergence: Any) -> object:
+        return observer.run(y, u, start=start, time=time, on_divergence=on_divergence)
 
     first: Any = method(observer, "init", *start)
-    state, time = first.function(*start), observer.sampling_period * np.arange(len(y))
+    begun, time = first.function(*start), observer.sampling_period * np.arange(len(y))
     name = first.name.removesuffix("init")
     yield Call(f"{first.name}{form}", first.function, start)
     row = y[0], None if u is None else u[0]
     if isinstance(observer, IntegratingObserver):
-        yield Call(f"{name}run{form}", run, (y, u, state, time, (y, u), (y, u), "raise"))
-        yield Call(f"{name}step{form}", step, (state, *row, row, row))
+        yield Call(f"{name}run{form}", run, (y, u, begun, time, (y, u), (y, u), "raise"))
+        yield Call(f"{name}step{form}", step, (begun, *row, row, row))
     else:
-        yield Call(f"{name}run{form}", run_of_rows, (y, u, state, time, "raise"))
-        yield method(observer, "step", state, *row)
+        yield Call(f"{name}run{form}", run_of_rows, (y, u, begun, time, "raise"))
+        yield method(observer, "step", begun, *row)
 
 
 def _from_state(
-    observer: Any, state: Any, y: Any, u: Any, takes: tuple[str, ...] = ()
+    observer: Any, start: Any, y: Any, u: Any, takes: tuple[str, ...] = ()
 ) -> Iterator[Call]:
     """Run an observer over a record and step it with the first row."""
 
-    def run(y: Any, u: Any, state: Any) -> object:
-        return observer.run(y, u, start=state)
+    def run(y: Any, u: Any, start: Any) -> object:
+        return observer.run(y, u, start=start)
 
-    yield Call(method(observer, "run").name, run, (y, u, state), takes)
-    yield method(observer, "step", state, y[0], u[0], takes=takes)
+    yield Call(method(observer, "run").name, run, (y, u, start), takes)
+    yield method(observer, "step", start, y[0], u[0], takes=takes)
 
 
 def _observers() -> Iterator[Call]:
@@ -260,11 +260,11 @@ def _nonlinear_filters() -> Iterator[Call]:
         start = observer.init([0.0, 0.0], 1e-2)
         yield method(observer, "init", [0.0, 0.0], np.eye(2))
 
-        def run(y: Any, u: Any, state: Any, Q: Any, R: Any, observer: Any = observer) -> object:
-            return observer.run(y, u, start=state, Q=Q, R=R)
+        def run(y: Any, u: Any, start: Any, Q: Any, R: Any, observer: Any = observer) -> object:
+            return observer.run(y, u, start=start, Q=Q, R=R)
 
-        def step(state: Any, y: Any, u: Any, Q: Any, R: Any, observer: Any = observer) -> object:
-            return observer.step(state, y, u, Q=Q, R=R)
+        def step(start: Any, y: Any, u: Any, Q: Any, R: Any, observer: Any = observer) -> object:
+            return observer.step(start, y, u, Q=Q, R=R)
 
         noise = np.tile(1e-3 * np.eye(2), (20, 1, 1)), np.full((20, 1, 1), 0.1)
         yield Call(method(observer, "run").name, run, (y, u, start, *noise), MISSING)
