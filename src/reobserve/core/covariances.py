@@ -84,12 +84,16 @@ def as_covariances(
 ) -> Array:
     """A covariance as `as_covariance` makes it, shape (1, n, n), or one for each row, (k, n, n).
 
+    Of one number, those of rows may be (k,).
+
     Raises
     ------
     InputError
         If it is neither; it names the first row that is no such covariance.
     """
     array = as_floats(name, value)
+    if size == 1 and array.shape == (rows,):
+        array = array[:, None, None]
     if array.ndim != 3:
         return as_covariance(name, array, size, definite=definite)[None]
     if array.shape != (rows, size, size):

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.core.covariances import as_covariance, as_covariances
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import all_finite, as_numbers, as_row, as_samples
 from reobserve.core.value import Value, for_loop, read_only
@@ -304,6 +305,9 @@ def refuse_given(observer: Any, given: Mapping[str, Any]) -> None:
     if observer.gate is not None and "S" in given:
         problem = "must be left out with a gate: by S a rejected measurement moves the next state"
         raise InputError("S", problem)
+    if "S" in given and hasattr(observer, "whole"):  # J = S R^-1
+        R, m = given.get("R", observer.whole.R), observer.measurements
+        as_covariances("R", R, m, len(R) if np.ndim(R) else 1, definite=True)
     if observer.noise_memory is None:
         return
     for name, why in (
@@ -331,6 +335,7 @@ def check_noise_memory(observer: Any) -> None:
         problem = f"{memory:g} s must be the sampling period, {period:g} s, or longer"
         raise InputError("noise_memory", problem)
     model = observer.whole
+    as_covariance("R", model.R, model.outputs, definite=True)
     if not isinstance(model, LinearModel):
         return
     from reobserve.synthesis.linear_gain import steady_kalman_gain

@@ -906,6 +906,7 @@ class IMM(Observer[ImmState]):
                 if name not in kf.takes:
                     problem = f"is not taken by {type(kf).__name__}, which is a filter of the bank"
                     raise InputError(name, problem)
+            refuse_given(kf, given)
             before = {} if state.held is None else state.held[j] or {}
             shared = inputs[None, :, 0]
             rows.append(kf.steps.in_record(kf, given, record.y, shared, before, record.periods))

@@ -491,6 +491,24 @@ def correct_covariance(C: Array, covariance: Array, work: LinearWork, panel: Arr
                 covariance[b, a] = total
     else:
         correct_large(C, covariance, square, cross, gain, R)
+    clear_exact(covariance, work)
+
+
+@inlined_kernel
+def clear_exact(covariance: Array, work: LinearWork) -> None:
+    """Set to zero what rounding leaves of variances that a measurement without noise took away."""
+    for o in range(len(work.outputs)):
+        if work.noise[o, o] != 0.0:
+            continue
+        variance = 0.0
+        for q in range(o + 1):
+            variance += work.factor[o, q] * work.factor[o, q]
+        for a in range(len(work.states)):
+            # P_aa = 0 where |P_aa| < K_ao^2 S_oo / VAGUE^2
+            taken = (work.gain[a, o] / VAGUE) ** 2 * variance
+            if abs(covariance[a, a]) < taken:
+                for b in range(len(work.states)):
+                    covariance[a, b] = covariance[b, a] = 0.0
 
 
 @kernel

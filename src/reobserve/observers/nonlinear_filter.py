@@ -46,6 +46,7 @@ from reobserve.observers.kalman import (
     assign_matrix,
     below_zero,
     blocks,
+    clear_exact,
     clip_variances,
     correct_covariance,
     correct_mean,
@@ -418,6 +419,7 @@ def correct_unscented(
     correct_mean(mean, innovation, linear)
     # P = sum v_i r_i r_i' + K R K',   r_i = (X_i - x) - K (h(X_i) - y)
     spread_after(R, weights, linear.gain, points, images, covariance)
+    clear_exact(covariance, linear)
     return log_likelihood
 
 
@@ -599,7 +601,7 @@ def by_row(
         if "Q" in given:
             fields["parts"][1:, 1] = 1
     if "R" in given:
-        fields["R"] = as_covariances("R", given["R"], model.outputs, rows, definite=True)
+        fields["R"] = as_covariances("R", given["R"], model.outputs, rows)
     first = held["Q"][None] if "Q" in held else fields["Q"][:1]
     if "Q" in given:
         read = as_covariances("Q", given["Q"], model.states, rows)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind, as_poles
 from reobserve.core.balancing import Scales, logarithm, output_scales, powers
+from reobserve.core.covariances import as_covariance
 from reobserve.core.errors import InputError, shown
 from reobserve.core.finite import finite
 from reobserve.core.matrices import as_floats, as_sized, spectral_radius
@@ -209,6 +210,7 @@ class _Even(NamedTuple):
 
 def _noise_scaled(model: LinearModel) -> _Even:
     A, _, C, _, Q, R = model.arrays
+    as_covariance("R", R, len(R), definite=True)
     scales = output_scales(A, C, -0.5 * logarithm(np.diag(R)), rate=0.0)
     driven, hidden = 0.5 * logarithm(np.diag(Q)), ~np.isfinite(scales.states)
     r = np.array(scales.completed(A, driven).states)

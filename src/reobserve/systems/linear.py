@@ -64,7 +64,8 @@ class LinearModel(Value):
     Q
         Covariance of the process noise: a number, n numbers or (n, n); positive semidefinite.
     R
-        Covariance of the measurement noise: a number, m numbers or (m, m); positive definite.
+        Covariance of the measurement noise: a number, m numbers or (m, m); positive
+        semidefinite, zero of what is measured exactly.
     sampling_period
         Of the transition [s]; left out, time is counted in samples.
     check
@@ -80,7 +81,7 @@ class LinearModel(Value):
     ------
     InputError
         If C, Q or R is left out; the shapes do not fit; Q or R is not symmetric positive
-        (semi)definite; an angle among the states has another effect after its period; names are not
+        semidefinite; an angle among the states has another effect after its period; names are not
         different or not as many as signals; the sampling period is
         not positive; or, with ``check``, A looks like one of continuous time: all its eigenvalues
         have a real part of zero or less, or one with a negative real part lies outside the unit
@@ -157,7 +158,7 @@ class LinearModel(Value):
         check = as_flag("check", self.check)
         if check:
             _check_discrete(A)
-        Q, R = as_covariance("Q", self.Q, n), as_covariance("R", self.R, m, definite=True)
+        Q, R = as_covariance("Q", self.Q, n), as_covariance("R", self.R, m)
         put = self._set
         for name, matrix in zip("ABCDQR", (A, B, C, D, Q, R), strict=True):
             put(name, matrix)
@@ -279,7 +280,7 @@ class LinearModel(Value):
         for name, value in given.items():
             own = getattr(self, name)
             if name in "QR":
-                read = as_covariances(name, value, len(own), rows, definite=name == "R")
+                read = as_covariances(name, value, len(own), rows)
             else:
                 read = as_matrices(name, value, own.shape, rows)
             if name in ("A", "C"):

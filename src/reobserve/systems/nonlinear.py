@@ -174,7 +174,7 @@ class NonlinearModel:
         as_names("input_names", list(self._variables))  # of which none may be a state's
         put(self, "parameters", as_parameters(self.parameters, self._variables))
         put(self, "Q", read_only(as_covariance("Q", self.Q, self.states)))
-        put(self, "R", read_only(as_covariance("R", self.R, self.outputs, definite=True)))
+        put(self, "R", read_only(as_covariance("R", self.R, self.outputs)))
         if self.scale is not None:
             put(self, "scale", read_only(as_scale(self.scale, self.states)))
         put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))

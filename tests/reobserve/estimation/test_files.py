@@ -331,7 +331,7 @@ def test_invalid_records_are_refused_in_one_sentence(
         ("states: {speed: rad/s, current: A}>states: {speed: rad/s, time: A}", "two columns would"),
         ("alarms:>estimates: {stat: {a: 1/s}}\nalarms:", "estimates.stat: there is no such esti"),
         ("    - {column: current, unit: mA}\n>", "are 1 columns, the obs"),
-        ("R: [1.0e-3>R: [-1.0e-3", "observer.R: must be positive definite"),
+        ("R: [1.0e-3>R: [-1.0e-3", "observer.R: must be positive semidefinite"),
         ("until: 4}>until: 1}", "alarms.0.until: 1 s must be after since, 1 s"),
     ],
 )  # fmt: skip

@@ -73,9 +73,9 @@ REFUSED: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {
         kalman, {"Q": NOT_POSITIVE},
         r"Q\[6\]: must be positive semidefinite, its eigenvalues are -1, 1, 1$",
     ),
-    "R zero": (
-        kalman, {"R": np.zeros((ROWS, 2, 2))},
-        r"R\[0\]: must be positive definite, its eigenvalues are 0, 0; what is exact to a digit",
+    "R negative": (
+        kalman, {"R": np.tile(-np.eye(2), (ROWS, 1, 1))},
+        r"R\[0\]: must be positive semidefinite, its eigenvalues are -1, -1$",
     ),
     "D not finite": (kalman, {"D": np.full((ROWS, 2, 2), np.nan)}, r"D: .* not finite$"),
     "S of other size": (

@@ -668,5 +668,5 @@ def test_noise_of_wrong_shape_or_sign_is_refused() -> None:
         kalman.run(z, u, start=start, Q=np.zeros((2, 4, 4)))
     R = np.ones((3, 1, 1))
     R[1] = -2.0
-    with pytest.raises(InputError, match=r"^R\[1\]: must be positive definite"):
+    with pytest.raises(InputError, match=r"^R\[1\]: must be positive semidefinite"):
         kalman.run(z, u, start=start, R=R)

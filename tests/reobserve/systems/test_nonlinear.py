@@ -202,7 +202,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (model(state_names=["a"]), "state_names: are 1, must be 2"),
     (model(scale=[1.0, 0.0]), "scale: [1.0, 0.0] must be one positive number, or 2"),
     (model(scale=[1.0] * 3), "scale: [1.0, 1.0, 1.0] must be one positive number, or 2"),
-    (model(R=0.0), "R: must be positive definite, its eigenvalues are 0"),
+    (model(R=-1.0), "R: must be positive semidefinite, its eigenvalues are -1"),
     (model(Q=[1.0] * 3), "Q: has shape (3,), must be one number (times the identity), 2 numbers"),
     (model(sampling_period=0.0), "sampling_period: 0 must be greater than zero"),
     (model(substeps=-1), "substeps: -1 must be a whole number, from 0 to 10000"),
@@ -239,7 +239,7 @@ def test_invalid_model_is_refused(call: Callable[[], Any], said: str) -> None:
 NOISE_REFUSED = [
     ({"Q": np.ones((3, 2, 2))}, "Q: has shape (3, 2, 2), must be one covariance or (30, 2, 2)"),
     ({"Q": -1.0}, "Q: must be positive semidefinite, its eigenvalues are -1, -1"),
-    ({"R": np.zeros((30, 1, 1))}, "R[0]: must be positive definite, its eigenvalues are 0"),
+    ({"R": np.full(30, -1.0)}, "R[0]: must be positive semidefinite, its eigenvalues are -1"),
     ({"Q": np.tile([[1.0, 1.0], [0.0, 1.0]], (30, 1, 1))}, "Q[0]: [[1.0, 1.0], [0.0, 1.0]] must"),
 ]
 

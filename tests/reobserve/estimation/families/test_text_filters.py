@@ -133,7 +133,7 @@ def test_certificate_has_the_deviations_at_the_start(kind: str, tmp_path: Path) 
     text = (tmp_path / "d.json").read_text(encoding="utf-8")
     for changed, said in (
         ('"R": 2.0', r"certificate.innovation_sigma_y: says 1.414.*, but the gains give 1.73"),
-        ('"R": -1.0', r"d.json: R: must be positive definite, its eigenvalues are -1"),
+        ('"R": -1.0', r"d.json: R: must be positive semidefinite, its eigenvalues are -1"),
     ):
         (tmp_path / "d.json").write_text(text.replace('"R": 1.0', changed), encoding="utf-8")
         with pytest.raises(InputError, match=said):
