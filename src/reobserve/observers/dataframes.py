@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.core.errors import InputError, shown
+from reobserve.core.errors import InputError, nearest, shown
 from reobserve.observers.record import depth_of
 
 UNEVEN = 0.01  # of the sampling period: how much longer or shorter the time between rows may be
@@ -179,10 +179,11 @@ def _in_order(name: str, value: Any, signals: Sequence[str] | None) -> Any:
     names = _names(value)
     if not names or not signals or names == list(signals):
         return value
-    if sorted(names) != sorted(signals):
-        kind = "columns" if hasattr(value, "columns") else "entries"
-        problem = f"has the {kind} {', '.join(names)}, must have {', '.join(signals)}"
-        raise InputError(name, problem)
+    missing = [signal for signal in signals if signal not in names]
+    if missing:
+        kind = "column" if hasattr(value, "columns") else "entry"
+        problem = f"has no {kind} {missing[0]}, must have {', '.join(signals)}"
+        raise InputError(name, problem + nearest(missing[0], names))
     return value[list(signals)]
 
 

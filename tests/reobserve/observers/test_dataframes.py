@@ -53,8 +53,19 @@ def test_smoother_takes_columns_by_name_and_keeps_dates() -> None:
     found = rts_smoother(kalman, filtered, u[["pull", "push"]])
     assert np.array_equal(found["state"], sought["state"])
     assert found.to_pandas().index.equals(DATES)
-    with pytest.raises(InputError, match="u: has the columns push, load, must have push, pull"):
+    with pytest.raises(InputError, match=r"u: has no column pull, must .*; did you mean 'push'"):
         rts_smoother(kalman, filtered, frame("push load"))
+
+
+def test_columns_that_nobody_reads_change_nothing() -> None:
+    log = pd.concat([frame(), PUSH], axis=1).assign(note="calm", right_2=np.nan)
+    sought = run(frame(), PUSH)
+    assert np.array_equal(run(log, log)["state"], sought["state"])
+    start, row = KALMAN.init([0.0, 0.0], 1.0), log.iloc[0].drop("note").astype(float)
+    _, found = KALMAN.step(start, row, row)
+    assert np.array_equal(found["state"], sought["state"][0])
+    with pytest.raises(InputError, match=r"y: has no column right, .*; did you mean 'rigth'"):
+        run(log.rename(columns={"right": "rigth"}).drop(columns="right_2"), log)
 
 
 def test_columns_without_names_are_taken_by_position() -> None:
@@ -64,8 +75,12 @@ def test_columns_without_names_are_taken_by_position() -> None:
 @pytest.mark.parametrize(
     ("y", "u", "said"),
     [
-        (frame("left middle"), PUSH, "y: has the columns left, middle, must have left, right"),
-        (frame(), PUSH.rename(columns={"push": "pull"}), "u: has the columns pull, must have push"),
+        (frame("left middle"), PUSH, "y: has no column right, .*; there are: left, middle"),
+        (
+            frame(),
+            PUSH.rename(columns={"push": "pull"}),
+            "u: has no column push, must have push; did you mean 'pull'",
+        ),
         (frame(index=DATES[[0, 1, 3, 2]]), PUSH, "y: has an index that goes from .* at row 2"),
         (frame(index=[0.0, 0.5, 1.0, 2.0]), PUSH.to_numpy(), "y: .* from 1.0 to 2.0 at row 3"),
         (
@@ -112,9 +127,9 @@ def test_sample_as_a_series_is_matched_by_name() -> None:
     assert np.array_equal(found["state"], sought["state"])
     _, found = KALMAN.step(start, frame().iloc[0], [2.0])
     assert np.array_equal(found["state"], sought["state"])
-    with pytest.raises(InputError, match="y: has the entries middle, left, must have left, right"):
+    with pytest.raises(InputError, match=r"y: has no entry right, .*; there are: middle, left"):
         KALMAN.step(start, row.rename({"right": "middle"}), push)
-    with pytest.raises(InputError, match="u: has the entries pull, must have push"):
+    with pytest.raises(InputError, match="u: has no entry push, must have push; did"):
         KALMAN.step(start, row, pd.Series({"pull": 2.0}))
 
 
