@@ -21,6 +21,11 @@ Array = NDArray[np.float64]
 StateKind = TypeVar("StateKind")
 AxisNames = tuple[tuple[str, ...] | None, ...]
 
+# What filters keep if asked for, and an estimate that all have which do so.
+ON_REQUEST = dict.fromkeys(
+    ("predicted_state", "predicted_covariance", "gain"), "innovation_covariance"
+) | {"state_unknown_input_covariance": "unknown_input_covariance"}
+
 _LONGEST = 280  # characters of an estimate that is printed
 
 
@@ -236,6 +241,8 @@ class Run(Generic[StateKind]):
 
 
 def _named(estimates: Mapping[str, Array], name: str) -> Array:
+    if isinstance(name, str) and ON_REQUEST.get(name) in estimates and name not in estimates:
+        raise InputError("estimate", f'there is no {name!r}: run the filter with keep="{name}"')
     if not isinstance(name, str) or name not in estimates:
         raise InputError("estimate", f"there is no {shown(name)}{nearest(str(name), estimates)}")
     return estimates[name]

@@ -287,3 +287,15 @@ def test_states_hold_no_rows_but_the_last(kind: str) -> None:
         for array in matrices.values():
             assert not array.flags.writeable
             assert array.base is None or array.base.size == array.size
+
+
+@pytest.mark.parametrize("kind", GIVEN)
+def test_what_is_kept_on_request_is_named_with_the_request(kind: str) -> None:
+    one, (y, u) = GIVEN[kind](), record()
+    names = getattr(one.observer, "keeps", ())
+    run = one.observer.run(y, u, start=one.state)
+    for name in names:
+        with pytest.raises(InputError, match=f"no '{name}': run the filter with keep=\"{name}\"$"):
+            run[name]
+        kept = one.observer.run(y, u, start=one.state, keep=name)
+        assert kept[name].shape[0] == len(y)
