@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 _STARTS = 3  # of the local search, the best of the points tried first
 _STEP = 1e-6  # of the range, of the differences for gradients
 _AT_END = 1e-6  # of the range: what is nearer to an end is at it, and has no derivatives
-_CHANGE = 0.1  # of the log-likelihood, of the differences for second derivatives
+_CHANGE = 1e-3  # of the log-likelihood, of the differences for second derivatives
 _WORST = 1e300  # what a filter counts that cannot run
 _MOST = 1_000_000
 
@@ -206,8 +206,8 @@ class _Likelihood:
         values = {name: _at(span, float(at)) for (name, span), at in pairs}
         try:
             total = self._total(self.make(values))
-        except _MisuseError:
-            raise
+        except _MisuseError as error:
+            raise error.renamed(error.parameter) from None
         except FAILURES as error:
             self.reason, self.failures = one_line(error), self.failures + 1
             total = _WORST

@@ -47,16 +47,17 @@ def is_accepted(
         if project is not None:
             _link_project(project, folder, ("config", "workflow"))
         before = _files(top)
-        refusal = None
+        refusal, kind = None, ""
         with contextlib.chdir(folder), limited_memory(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
                 call()
             except ReobserveError as error:
-                refusal = str(error)
+                refusal, kind = str(error), type(error).__name__
         after = _files(top)
         changed = {name for name in {*before, *after} if before.get(name) != after.get(name)}
         if refusal is not None:
+            assert kind[0] != "_", "a private class of error"
             assert refusal.strip(), "an empty message"
             assert "\n" not in refusal
             assert len(refusal) <= LONGEST

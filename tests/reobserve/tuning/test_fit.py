@@ -73,6 +73,26 @@ def test_autoregression_as_statsmodels_finds_it() -> None:
     assert found.log_likelihood == pytest.approx(-421.44899592059267, rel=1e-9)
 
 
+@pytest.mark.parametrize("rows", [20, 2000])
+def test_standard_errors_are_those_of_closed_forms(rows: int) -> None:
+    """x(k+1) = a x(k) + w, measured exactly: sqrt(q / sum x^2), and q sqrt(2 / n) of q."""
+    x = np.ones(rows + 1)
+    for k, w in enumerate(np.random.default_rng(3).normal(0.0, 0.5, rows)):
+        x[k + 1] = 0.8 * x[k] + w
+
+    def make(p: dict[str, float]) -> tuple[KalmanFilter, object]:
+        kalman = KalmanFilter(LinearModel([[p["a"]]], C=[[1]], Q=p["q"], R=0.0))
+        return kalman, kalman.init([x[0]], 0.0, u=[])
+
+    found = fit(make, {"a": (0.1, 0.99, "linear"), "q": (1e-3, 10.0)}, [x[1:]])
+    squares = float(x[:-1] @ x[:-1])
+    a = float(x[:-1] @ x[1:]) / squares
+    q = float(np.mean((x[1:] - a * x[:-1]) ** 2))
+    errors = {"a": np.sqrt(q / squares), "q": q * np.sqrt(2.0 / rows)}
+    assert found.values == pytest.approx({"a": a, "q": q}, rel=1e-6)
+    assert found.standard_errors == pytest.approx(errors, rel=2e-5)
+
+
 def test_likelihood_of_many_records_is_that_of_their_joint_distribution() -> None:
     y = level_record()
     records = [y[:150], {"y": y[200:260]}]
