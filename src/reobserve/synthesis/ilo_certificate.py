@@ -110,6 +110,7 @@ class Theorem1:
 
 
 _LARGEST = 1e150  # norm whose square is a float
+_SMALLEST = 1e-290  # of a square, which is divided by up to 1e12
 
 
 @dataclass(frozen=True)
@@ -134,7 +135,7 @@ class _Design:
             raise InputError("eta", f"{eta:g} must not be below zero")
         full = as_matrix("observer_gain", observer_gain, 3)
         fault = as_matrix("fault_matrix", fault_matrix, 3)
-        if not (fault.T @ fault).any():
+        if not (fault.T @ fault).max() > _SMALLEST:
             raise InputError("fault_matrix", "must not be zero, nor so small that its square is")
         if not as_matrix("K2", K2, 3).any():
             raise InputError("K2", "must not be zero, the estimate would never change")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
@@ -275,3 +277,22 @@ def test_observer_gain_enters_by_its_symmetric_part() -> None:
     sheared[:2, :2] = [[2, 4], [0, 2]]
     none = evaluated(sheared, 2.0, 0.5, 0.1, 0.0, *weights)
     assert none.epsilon1 == pytest.approx(0 - 4 - 4 * (1 + 0.25 + 4 / 4) * 0.01)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    observer_gain=st.floats(-10.0, 149.0), fault=st.floats(-165.0, 149.0),
+    K1=st.floats(0.0, 1.0), K2=st.floats(-200.0, 149.0),
+)  # fmt: skip
+@example(observer_gain=0.0, fault=-160.0, K1=0.0, K2=-172.0)
+@example(observer_gain=0.0, fault=-145.0, K1=1e-8, K2=-170.0)
+def test_designs_of_any_size_are_decided_or_refused(
+    observer_gain: float, fault: float, K1: float, K2: float
+) -> None:
+    """Gains are powers of ten; the norm of K1 is below one, at most."""
+    try:
+        found = certify(10.0**observer_gain, 10.0**fault, K1, 10.0**K2)
+    except InputError:
+        return
+    assert not np.isnan(found.required_observer_gain)
+    assert found.certified == (found.weights is not None)
