@@ -32,6 +32,10 @@ def __getattr__(name: str) -> Any:
     if name in _HOME:
         value = globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
         return value
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("reobserve")
     from reobserve.core.errors import nearest
 
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{nearest(name, __all__)}")

@@ -41,5 +41,6 @@ from reobserve.systems.triangular import TriangularModel as TriangularModel
 from reobserve.tuning.fit import fit as fit
 from reobserve.tuning.search import tune as tune
 
+__version__: str
 __all__: list[str]
 _HOME: dict[str, str]

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import yaml
 
+import reobserve
 from tests import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -24,7 +25,7 @@ RELEASES = re.findall(r"^## \[(\d.*?)\] - (\S+)$", CHANGELOG, re.MULTILINE)
 def test_version_and_date_agree_everywhere() -> None:
     version, day = RELEASES[0]
     found = {PROJECT["version"], CITATION["version"], CODEMETA["version"]}
-    assert found == {version, metadata.version("reobserve")}
+    assert found == {version, metadata.version("reobserve"), reobserve.__version__}
     assert {str(CITATION["date-released"]), CODEMETA["dateModified"]} == {day}
 
 
