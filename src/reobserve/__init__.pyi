@@ -29,6 +29,7 @@ from reobserve.observers.normal_form import TransformedObserver as TransformedOb
 from reobserve.observers.normal_form import normal_form_observer as normal_form_observer
 from reobserve.observers.run import Estimate as Estimate
 from reobserve.observers.run import Run as Run
+from reobserve.observers.simulation import simulate as simulate
 from reobserve.observers.smooth_variable_structure import (
     SmoothVariableStructureFilter as SmoothVariableStructureFilter,
 )
