@@ -4,7 +4,7 @@
     product  = sign {("*" | "/") sign}
     sign     = {"+" | "-"} power
     power    = atom [("**" | "^") sign]
-    atom     = number | name | function "(" sum ")" | "(" sum ")"
+    atom     = number | name | function "(" sum {"," sum} ")" | "(" sum ")"
 
 as in Python; names are variables, pi, E or symbols without a value. What is too long, too deep or
 too large to be worked with is refused, in text and in expressions of sympy alike.
@@ -26,6 +26,8 @@ ANALYTIC = (
     *("sinh", "cosh", "tanh", "coth", "sech", "csch", "asinh", "acosh", "atanh"),
     *("erf", "sinc"),
 )
+# All functions, by their names in sympy.
+FUNCTIONS = {name: name for name in (*ANALYTIC, "sqrt", "atan2")} | {"abs": "Abs"}
 NOT_EXPANDED = "is not expanded; what can be are sums, products, powers and " + ", ".join(ANALYTIC)
 
 _LONGEST = 10_000  # characters
@@ -40,7 +42,7 @@ _Part = Callable[[], Any]
 _Join = Callable[[Any, Any], Any]
 
 _TOKEN = re.compile(
-    r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|(\w+)|(\*\*|[-+*/^()]))"
+    r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|(\w+)|(\*\*|[-+*/^(),]))"
 )
 
 
@@ -157,14 +159,14 @@ class _Parser:
         if kind == "name":
             return self.symbol_or_call(token)
         if self.ahead("("):
-            return self.inside()
+            return self.arguments(1)[0]
         raise self.wrong()
 
     def symbol_or_call(self, name: str) -> Any:
         if name in self.variables:
             self.advance()
             return self.variables[name]
-        function = getattr(self.sympy, name) if name in (*ANALYTIC, "sqrt") else None
+        function = getattr(self.sympy, FUNCTIONS[name]) if name in FUNCTIONS else None
         if function is None and name in ("pi", "E"):
             self.advance()
             return getattr(self.sympy, name)
@@ -176,18 +178,23 @@ class _Parser:
                 raise self.wrong()
             return self.sympy.Symbol(name)
         if function is None:
-            raise InputError(self.place, f"{shown(name)} {NOT_EXPANDED}")
-        argument = self.inside()
-        check_constant(self.place, argument)
-        return self.checked(function(argument))
+            others = "; in models also sqrt, abs and atan2"
+            raise InputError(self.place, f"{shown(name)} {NOT_EXPANDED}{others}")
+        arguments = self.arguments(2 if name == "atan2" else 1)
+        for argument in arguments:
+            check_constant(self.place, argument)
+        return self.checked(function(*arguments))
 
-    def inside(self) -> Any:
+    def arguments(self, count: int) -> list[Any]:
+        """So many sums in parentheses, with commas between them."""
+        found = []
+        for left in range(count, 0, -1):
+            self.advance()
+            found.append(self.sum())
+            if not self.ahead("," if left > 1 else ")"):
+                raise self.wrong()
         self.advance()
-        inner = self.sum()
-        if not self.ahead(")"):
-            raise self.wrong()
-        self.advance()
-        return inner
+        return found
 
     def checked(self, value: Any) -> Any:
         """A part of the expression, unless it is a number that nobody can work with."""

@@ -79,16 +79,20 @@ def _derivative(expression: Any, x: Any) -> Any:
     """The derivative by x, with e b' b**(e - 1) for that of b**e where e is not of x.
 
     sympy writes e b' b**e / b, which is nan at b = 0, and a derivative of sinc that is nan at 0.
+    That of abs is the sign, 0 at 0; that of atan2 is nan where both arguments are 0.
     """
     import sympy
 
-    power, sinc = _power(), _sinc()
+    power, sinc, absolute = _power(), _sinc(), _absolute()
     pairs = expression.replace(
         lambda term: term.is_Pow and not term.exp.is_number and not term.exp.has(x),
         lambda term: power(*term.args),
     )
-    slope = pairs.replace(sympy.sinc, sinc).diff(x)
-    return slope.replace(power, sympy.Pow).replace(sinc, sympy.sinc)
+    slope = pairs.replace(sympy.sinc, sinc).replace(sympy.Abs, absolute).diff(x)
+    own = {power: sympy.Pow, sinc: sympy.sinc, absolute: sympy.Abs}
+    for kind, known in own.items():
+        slope = slope.replace(kind, known)
+    return slope
 
 
 @cache
@@ -104,6 +108,20 @@ def _power() -> Any:
             return exponent * Power(base, exponent - 1)
 
     return Power
+
+
+@cache
+def _absolute() -> Any:
+    """abs of a real number, of which sympy may not know that it is one."""
+    import sympy
+
+    class Absolute(sympy.Function):  # type: ignore[misc]
+        is_real = True
+
+        def fdiff(self, argindex: int = 1) -> Any:
+            return sympy.sign(self.args[0])
+
+    return Absolute
 
 
 @cache

@@ -83,7 +83,7 @@ def compiled_rows(rows: tuple[str, ...]) -> Any:
 
 @cache
 def _printer() -> Any:
-    """sympy's printer of Python, but for whole negative powers: numba's raise errors at zero."""
+    """sympy's printer of Python, but for signs, and whole negative powers, which raise at zero."""
     from sympy.printing.precedence import PRECEDENCE
     from sympy.printing.pycode import PythonCodePrinter
 
@@ -93,5 +93,9 @@ def _printer() -> Any:
                 base = self.parenthesize(expr.base, PRECEDENCE["Pow"], strict=False)
                 return f"(1.0/{base}**{-int(expr.exp)})"
             return str(super()._print_Pow(expr, rational=rational))
+
+        def _print_sign(self, expr: Any) -> str:
+            part = self._print(expr.args[0])
+            return f"(1.0*({part} > 0.0) - 1.0*({part} < 0.0))"
 
     return Printer({"fully_qualified_modules": True})

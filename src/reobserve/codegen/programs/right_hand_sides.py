@@ -20,6 +20,8 @@ _WRITTEN_OUT = 16  # powers up to this one are products
 Entry = Callable[[str, int], Expression]
 _SIGNS: dict[type, Any] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+    ast.Gt: lambda *sides: Elementwise("({} > {})", sides),
+    ast.Lt: lambda *sides: Elementwise("({} < {})", sides),
 }  # fmt: skip
 
 
@@ -58,8 +60,10 @@ def _made(part: ast.expr, entry: Entry) -> Expression:
         inner = _made(part.operand, entry)
         return Number(-inner.value) if isinstance(inner, Number) else -inner
     if isinstance(part, ast.Call):
-        assert isinstance(part.func, ast.Attribute)
-        return call(part.func.attr, *(_made(argument, entry) for argument in part.args))
+        name = part.func.attr if isinstance(part.func, ast.Attribute) else "fabs"
+        return call(name, *(_made(argument, entry) for argument in part.args))
+    if isinstance(part, ast.Compare):  # of a sign
+        part = ast.BinOp(part.left, part.ops[0], part.comparators[0])  # type: ignore[arg-type]
     if isinstance(part, ast.BinOp):
         return _joined(part.op, _made(part.left, entry), _made(part.right, entry))
     raise InputError("observer", "of a model with sinc cannot be exported: write sin(x)/x")
