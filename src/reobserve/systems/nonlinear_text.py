@@ -83,61 +83,40 @@ def _derivative(expression: Any, x: Any) -> Any:
     """
     import sympy
 
-    power, sinc, absolute = _power(), _sinc(), _absolute()
+    power, sinc, absolute = _own()
     pairs = expression.replace(
         lambda term: term.is_Pow and not term.exp.is_number and not term.exp.has(x),
         lambda term: power(*term.args),
     )
     slope = pairs.replace(sympy.sinc, sinc).replace(sympy.Abs, absolute).diff(x)
-    own = {power: sympy.Pow, sinc: sympy.sinc, absolute: sympy.Abs}
-    for kind, known in own.items():
-        slope = slope.replace(kind, known)
-    return slope
+    slope = slope.replace(power, sympy.Pow).replace(sinc, sympy.sinc)
+    return slope.replace(absolute, sympy.Abs)
 
 
 @cache
-def _power() -> Any:
-    """Powers with another derivative by the base than those of sympy."""
+def _own() -> tuple[Any, Any, Any]:
+    """Powers, sinc and abs as real functions with other derivatives than those of sympy."""
     import sympy
 
-    class Power(sympy.Function):  # type: ignore[misc]
+    class Real(sympy.Function):  # type: ignore[misc]
         is_real = True
 
+    class Power(Real):
         def fdiff(self, argindex: int = 1) -> Any:
             base, exponent = self.args
             return exponent * Power(base, exponent - 1)
 
-    return Power
-
-
-@cache
-def _absolute() -> Any:
-    """abs of a real number, of which sympy may not know that it is one."""
-    import sympy
-
-    class Absolute(sympy.Function):  # type: ignore[misc]
-        is_real = True
-
-        def fdiff(self, argindex: int = 1) -> Any:
-            return sympy.sign(self.args[0])
-
-    return Absolute
-
-
-@cache
-def _sinc() -> Any:
-    """sinc with a derivative that is 0 at 0."""
-    import sympy
-
-    class Sinc(sympy.Function):  # type: ignore[misc]
-        is_real = True
-
+    class Sinc(Real):
         def fdiff(self, argindex: int = 1) -> Any:
             (x,) = self.args
             slope = (sympy.cos(x) - sympy.sin(x) / x) / x
             return sympy.Piecewise((slope, sympy.Ne(x, 0)), (0, True))
 
-    return Sinc
+    class Absolute(Real):
+        def fdiff(self, argindex: int = 1) -> Any:
+            return sympy.sign(self.args[0])
+
+    return Power, Sinc, Absolute
 
 
 def _symbols(names: Names) -> tuple[dict[str, Any], dict[Any, str]]:
