@@ -41,15 +41,15 @@ def simulate(
 
         x(k+1) = f(x(k), u(k)) + w(k),    y(k) = h(x(k), u(k)) + v(k)
 
-    Lower factors of covariances multiply standard normal numbers of numpy's ``default_rng(seed)``:
-    first those of the first states, (records, n), then of v, (records, k, m), and of w, (records,
-    k - 1, n), or one for each part of a longer gap. Angles are within half a period of zero. The
-    run has the true ``state``, (k, n), ``y``, (k, m), and ``u``, (k, p), or (records, k, .).
+    The run has the true ``state``, (k, n), ``y``, (k, m), and ``u``, (k, p), or (records, k, .).
+    Angles are within half a period of zero. Lower factors of covariances multiply standard normal
+    numbers of numpy's ``default_rng(seed)``: first those of first states, (records, n), then of v,
+    (records, k, m), and of w, (records, k - 1, n), or one for each part of a longer gap.
 
     Parameters
     ----------
-    model, rows
-        Linear or nonlinear, and k.
+    model, rows, records
+        Linear or nonlinear; k; and how many to draw, left out, one without that axis.
     mean, covariance
         Of the first state, as `KalmanFilter.init` takes them; without a covariance it is the mean.
     u, time, A, B, C, D, Q, R, parameters
@@ -58,8 +58,6 @@ def simulate(
         0 or more; the same one draws the same numbers.
     missing
         The share of numbers in y that are nan, or an array that is true there, (k,) or (k, m).
-    records
-        How many to draw; left out, one, without that axis.
 
     Raises
     ------
@@ -78,13 +76,8 @@ def simulate(
     >>> print((errors**2 / run["variance"][1:]).mean().round(1))
     1.0
     """
-    if isinstance(model, LinearModel):
-        observer: Any = KalmanFilter(model)
-    elif isinstance(model, NonlinearModel):
-        observer = UnscentedKalmanFilter(model)
-    else:
-        raise InputError("model", f"{shown(model)} must be a LinearModel or a NonlinearModel")
     linear = isinstance(model, LinearModel)
+    observer: Any = KalmanFilter(model) if linear else UnscentedKalmanFilter(model)  # type: ignore[arg-type]
     k, seed = as_whole("rows", rows, 1, MOST_STEPS), as_whole("seed", seed, 0, 2**63 - 1)
     many = as_whole("records", 1 if records is None else records, 1, MOST_STEPS // k)
     (n, _, m), rules, rng = observer._sizes, observer._rules, np.random.default_rng(seed)

@@ -201,7 +201,7 @@ def wild() -> NonlinearModel:
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
-    "model": ({"model": "spring"}, "model: 'spring' must be a LinearModel or a NonlinearModel"),
+    "model": ({"model": "spring"}, "model: 'spring' must be of type NonlinearModel"),
     "no rows": ({"rows": 0}, "rows: 0 must be a whole number, from 1 to"),
     "seed": ({"seed": 1.5}, "seed: 1.5 must be a whole number"),
     "mean": ({"mean": [1.0]}, "mean: has shape (1,), must be a list of 2 numbers"),
