@@ -57,7 +57,7 @@ class NonlinearModel:
         Covariance of the process noise over a sampling period: a number, n numbers or (n, n);
         positive semidefinite.
     R
-        Covariance of the measurement noise: a number, m numbers or (m, m); positive definite.
+        Covariance of the measurement noise: a number, m numbers or (m, m); semidefinite.
     F, H
         The Jacobians df/dx, (n, n), and dh/dx, (m, n), as functions like f and h, or as rows of
         texts. Left out, those of texts are derived symbolically, and those of Python functions by
@@ -87,7 +87,7 @@ class NonlinearModel:
     ------
     InputError
         If a function returns another number of values; a text cannot be read; sizes do not fit; Q
-        or R is not symmetric positive (semi)definite; the period or a scale is not positive; or a
+        or R is not symmetric positive semidefinite; the period or a scale is not positive; or a
         density is not that of Q.
 
     Notes
