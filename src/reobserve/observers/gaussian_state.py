@@ -306,8 +306,8 @@ def refuse_given(observer: Any, given: Mapping[str, Any]) -> None:
         problem = "must be left out with a gate: by S a rejected measurement moves the next state"
         raise InputError("S", problem)
     if "S" in given and hasattr(observer, "whole"):  # J = S R^-1
-        R, m = given.get("R", observer.whole.R), observer.measurements
-        as_covariances("R", R, m, len(R) if np.ndim(R) else 1, definite=True)
+        R = as_numbers("R", given.get("R", observer.whole.R))
+        as_covariances("R", R, observer.measurements, len(np.atleast_1d(R)), definite=True)
     if observer.noise_memory is None:
         return
     for name, why in (

@@ -145,3 +145,13 @@ def bank_of(kalman: KalmanFilter) -> IMM:
 def test_what_divides_by_noise_refuses_it(call: Callable[[], Any]) -> None:
     with pytest.raises(InputError, match=r"^R(\[1\])?: must be positive definite, .*d\^2 / 12$"):
         call()
+
+
+def test_noise_beside_correlated_noise_is_checked_as_without() -> None:
+    start = NOISY.init([0.0, 0.0], 1.0)
+    for R in ([[1.0], [2.0, 3.0]], "little", [0.1, 0.2, 0.3]):
+        with pytest.raises(InputError, match=r"^R: "):
+            NOISY.run([0.0, 1.0], start=start, S=S, R=R)
+    for R in (0.1, [0.1], [[0.1]], [0.1, 0.1], [[[0.1]], [[0.1]]]):
+        found = NOISY.run([0.0, 1.0], start=start, S=S, R=R)["state"]
+        assert np.array_equal(found, NOISY.run([0.0, 1.0], start=start, S=S)["state"])

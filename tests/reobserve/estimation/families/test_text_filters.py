@@ -147,7 +147,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"initial_covariance": [1.0, 1.0]}, "initial_covariance: "),
     ({"dynamics": {"x": "y"}}, "dynamics.x: 'y' names y, must name nothing but x"),
     ({"dynamics": {"x": "x +"}}, "dynamics.x: 'x +' is no expression, at its end"),
-    ({"output": {"y": "floor(x)"}}, "output.y: 'floor' is not expanded; what can be are sums, prod"),
+    ({"output": {"y": "floor(x)"}}, "output.y: 'floor' is not expanded; what can be are sums, pro"),
     ({"parameters": {"1x": 1.0}, "dynamics": {"x": "1x"}}, "parameters: "),
     ({"time": "continuous", "substeps": 0}, "substeps: 0 must be a whole number, from 1 to 10000"),
     (
