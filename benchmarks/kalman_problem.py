@@ -182,7 +182,7 @@ def smoother_jobs(folder: Path, kind: str, n: int, rows: int) -> Jobs:
     done = ours.run(y, u, start=ours.init(np.zeros(n), 1.0))
 
     def smooth() -> Found:
-        found = reobserve.rts_smoother(ours, done, u)
+        found = reobserve.rts_smoother(done)
         return found["state"], found["covariance"]
 
     peers = libraries(folder, n).items()

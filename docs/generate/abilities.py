@@ -10,7 +10,6 @@ import reobserve
 from docs.generate.markdown import code, plain, table, ticks
 from reobserve.estimation.families import FAMILIES, family
 from reobserve.observers.contract import Observer
-from reobserve.observers.smoother import SMOOTHED
 
 Kind = type[Observer[Any]]
 
@@ -70,8 +69,8 @@ ABILITIES = {
         lambda kind: bool({"A", "parameters"} & {*kind.takes}),
     ),
     "smoother": Ability(
-        "smoother", "`rts_smoother`: each row from the whole record",
-        lambda kind: issubclass(kind, SMOOTHED),
+        "smoother", "`rts_smoother(run)`: each row from the whole record",
+        lambda kind: getattr(kind, "has_kalman_gain", False),
     ),
     "covariance": Ability(
         "covariance", '`run["covariance"]` and `run["variance"]`',

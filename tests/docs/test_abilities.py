@@ -111,7 +111,7 @@ def try_smoother(case: Case) -> None:
     """The last row is the run's; others are no less certain than it."""
     keep = [name for name in getattr(case.observer, "keeps", ()) if name not in KEEP]
     found = run(case, keep=keep) if keep else run(case)
-    smooth = rts_smoother(case.observer, found, case.u)
+    smooth = rts_smoother(found)
     assert np.array_equal(smooth["state"][-1], found["state"][-1])
     assert (smooth["variance"] <= found["variance"] * (1 + 1e-9)).all()
     assert not np.array_equal(smooth["state"], found["state"])

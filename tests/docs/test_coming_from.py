@@ -67,7 +67,7 @@ def test_smoother_is_that_of_filterpy_without_an_input(page: Any) -> None:
     means, covariances, *_ = peer(page.model).batch_filter(left(page), update_first=True)
     wanted, spread, *_ = peer(page.model).rts_smoother(means, covariances)
     still = page.kalman.run(left(page)[:, :, 0], 0 * page.u, start=page.start)
-    smooth = page.rts_smoother(page.kalman, still, 0 * page.u)
+    smooth = page.rts_smoother(still)
     close(smooth["state"], wanted[:, :, 0])
     close(smooth["covariance"], spread)
     # With an input it is not the minimum over the record, which is that of the driven rest.

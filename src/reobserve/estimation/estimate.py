@@ -296,9 +296,9 @@ def _concatenated(parts: list[Estimated]) -> Estimated:
 
 def _whole(observer: Observer[Any]) -> Callable[[Array, Array, Any], Run[Any]]:
     """Runs of an observer whose estimates are smoothed."""
-    from reobserve.observers.smoother import SMOOTHED, rts_smoother
+    from reobserve.observers.smoother import rts_smoother
 
-    if not isinstance(observer, SMOOTHED):
+    if not getattr(observer, "has_kalman_gain", False):
         raise InputError(
             "smooth", "true is for the kinds kalman (with a varying gain), augmented-kalman, "
             "extended-kalman and unscented-kalman; here it must be false",
@@ -307,7 +307,7 @@ def _whole(observer: Observer[Any]) -> Callable[[Array, Array, Any], Run[Any]]:
     def run(y: Array, u: Array, state: Any) -> Run[Any]:
         crossed = [name for name in observer.keeps if name not in KEPT]
         result = observer.run(y, u, start=state, keep=crossed)
-        smooth = rts_smoother(observer, result, u if observer.inputs else None)
+        smooth = rts_smoother(result)
         return replace(result, estimates={**result.estimates, **smooth.estimates})
 
     return run

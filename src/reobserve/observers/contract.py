@@ -242,7 +242,7 @@ class Observer(Value, ABC, Generic[StateKind]):
             units[name] = known.get(name, "")
         return Run(
             times[:good], estimates, units, after, diverged_at, left, missing,
-            self.component_names, None, self._periods,
+            self.component_names, None, self._periods, rows.source,
         )  # fmt: skip
 
     def _run_records(self, records: Sequence[Record], states: Sequence[StateKind]) -> Batch:
@@ -252,7 +252,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         return Batch(
             stacked([rows.estimates for rows in every]), stacked([rows.before for rows in every]),
             [self._good(rows) for rows in every], [rows.state for rows in every],
-            [rows.finding for rows in every],
+            [rows.finding for rows in every], [rows.source for rows in every],
         )  # fmt: skip
 
     def _good(self, rows: Rows) -> int:

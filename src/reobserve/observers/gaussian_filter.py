@@ -34,6 +34,7 @@ from reobserve.observers.gaussian_state import (
     KalmanState,
     PredictedRows,
     Rules,
+    Source,
     check_held,
     check_noise,
     check_noise_memory,
@@ -187,7 +188,7 @@ class GaussianFilter(Observer[KalmanState]):
     noise_memory: float | None = field(default=None, kw_only=True)
 
     steps: ClassVar[FilterSteps]
-    has_kalman_gain: ClassVar[bool] = False  # without, R cannot be estimated
+    has_kalman_gain: ClassVar[bool] = False  # without, R cannot be estimated, nothing smoothed
     keeps: ClassVar[tuple[str, ...]] = KEPT
     reads_missing: ClassVar[bool] = True
     units: ClassVar[Mapping[str, str]] = dict.fromkeys((*FilterRows._fields, "variance"), "")
@@ -505,7 +506,9 @@ class GaussianFilter(Observer[KalmanState]):
         batch, estimates = self._run_together([record], [state]), {}
         for name, array in batch.estimates.items():
             estimates[name] = array[0]
-        return Rows(estimates, batch.goods[0], batch.states[0], finding=batch.findings[0])
+        return Rows(
+            estimates, batch.goods[0], batch.states[0], {}, batch.findings[0], batch.sources[0]
+        )
 
     def _run_records(self, records: Sequence[Record], states: Sequence[KalmanState]) -> Batch:
         if can_run_together(records, states):
@@ -541,13 +544,15 @@ class GaussianFilter(Observer[KalmanState]):
                 warn_of_start(starts[0], P[0, :good], S[0, :good])
             else:
                 warn_of_starts(starts, P, ends[:, 0], S)
-        reached_states, findings, causes = [], [], self.steps.causes
+        reached_states, findings, sources, causes = [], [], [], self.steps.causes
         for r, cause in enumerate(ends[:, 1].tolist()):
+            sources.append(Source(self, model, known[r]) if self.has_kalman_gain else None)
             reached_states.append(reached(after, r, states[r], records[r], held, self._sizes))
             findings.append(causes[cause] if cause else "")
         return Batch(
-            self._by_name(rows, kept, keep), {}, ends[:, 0].tolist(), reached_states, findings
-        )
+            self._by_name(rows, kept, keep), {}, ends[:, 0].tolist(), reached_states, findings,
+            sources,
+        )  # fmt: skip
 
     @cached_property
     def _sizes(self) -> tuple[int, int, int]:

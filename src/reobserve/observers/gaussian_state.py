@@ -124,6 +124,14 @@ class InRecord(NamedTuple):
     held: Matrices | None
 
 
+class Source(NamedTuple):
+    """What the smoother reads of a record: filter, model by row, inputs from the row before on."""
+
+    filter: Any
+    model: Any
+    inputs: Array
+
+
 class FilterSteps(NamedTuple):
     """The compiled loops of filters on one kind of model.
 
@@ -361,7 +369,6 @@ def check_noise_memory(observer: Any) -> None:
 
 
 FILTERED = 1e12  # how far the variance of a state may fall from one row to the next
-SMOOTHED = 1e10  # or by what later rows say of it
 REMEDY = (
     "begin with a smaller covariance, and give less process noise, so that measurements are "
     "predicted with variances of at most 1e10 times R"
@@ -439,18 +446,6 @@ def warn_of_starts(
         last = goods[record]
         if warn_of_start(starts[record], variances[record, :last], innovations[record, :last]):
             return
-
-
-def warn_of_smoothed(filtered: Array, smoothed: Array) -> None:
-    """Warn if smoothed variances, (k, n), are too far below those of the filter, or negative."""
-    falls = smoothed * SMOOTHED < filtered
-    if falls.any():
-        row, state = np.argwhere(falls)[0].tolist()
-        _warn(
-            f"the variance of state {state + 1} is {filtered[row, state]:g} at {{at}} before, "
-            f"and {smoothed[row, state]:g} after smoothing",
-            row, f"{REMEDY}, or smooth with a short `lag`",
-        )  # fmt: skip
 
 
 def _warn(problem: str, row: int, remedy: str) -> None:

@@ -88,5 +88,6 @@ def run_many(
     return Run(
         times, result.estimates, units, tuple(result.states),
         diverged_at if np.isfinite(diverged_at).any() else None, result.before,
-        np.array(missing), observer.component_names, periods=observer._periods,
+        np.array(missing), observer.component_names, None, observer._periods,
+        None if None in result.sources else tuple(result.sources),
     )  # fmt: skip

@@ -720,10 +720,12 @@ def _run_rows(
 def predict_nonlinear(
     model: NonlinearRows, method: Approximation, inputs: Array, means: Array, covariances: Array,
     next_means: Array, next_covariances: Array, crosses: Array, work: FilterWork,
+    transitions: Array | None = None,
 ) -> int:  # fmt: skip
     """Predict from each row to the next one, and return how many rows could be.
 
-    ``crosses`` become the cross-covariances of x(k) and x(k+1), shape (k, n, n).
+    ``crosses`` become the cross-covariances of x(k) and x(k+1), shape (k, n, n), and
+    ``transitions`` df/dx of the extended filter, if they are not None.
     """
     due = FIRST
     for k in range(len(next_means)):
@@ -737,6 +739,8 @@ def predict_nonlinear(
             return k
         for a in range(len(work.cross)):
             assign(crosses[k, a], work.cross[a])
+        if transitions is not None:
+            assign_matrix(transitions[k], work.flow.A)
     return len(next_means)
 
 

@@ -62,8 +62,8 @@ class Rows(NamedTuple):
 
     ``finite`` rows are good, as the loop has it; ``state`` is the one after the last row, if all
     of them are. ``before`` are limits from the left, ``finding`` is why the loop stopped, if it
-    knows. An observer that reads missing measurements may write nan for the estimates, and answers
-    for its count of finite rows.
+    knows, and ``source`` what the smoother reads. An observer that reads missing measurements may
+    write nan for the estimates, and answers for its count of finite rows.
     """
 
     estimates: dict[str, Array]
@@ -71,6 +71,7 @@ class Rows(NamedTuple):
     state: Any
     before: dict[str, Array] = {}  # noqa: RUF012  # never written
     finding: str = ""
+    source: Any = None
 
     @property
     def good(self) -> int:
@@ -97,6 +98,7 @@ class Batch(NamedTuple):
     goods: list[int]
     states: list[Any]
     findings: list[str]
+    sources: list[Any]
 
 
 def stacked(every: Sequence[Mapping[str, Array]]) -> dict[str, Array]:

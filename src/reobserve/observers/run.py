@@ -74,10 +74,11 @@ class Run(Generic[StateKind]):
     where the model names its signals; an axis without names is None. ``run["state_position"]`` is
     the component of that name. ``index`` is that of the frame of measurements, if it is of times.
     ``periods`` are those of the components of estimates that are angles, zero for the others.
+    ``source`` is what `rts_smoother` reads of a Kalman filter's run, None of others.
 
-    A run of many records has estimates (records, k, ...), nan from where one diverged, a tuple of
-    states, and in ``diverged_at`` and ``missing`` an entry each, nan where one did not diverge;
-    `record` is the run of one.
+    A run of many records has estimates (records, k, ...), nan from where one diverged, tuples of
+    states and sources, and in ``diverged_at`` and ``missing`` an entry each, nan where one did not
+    diverge; `record` is the run of one.
 
     Examples
     --------
@@ -99,6 +100,7 @@ class Run(Generic[StateKind]):
     component_names: Mapping[str, AxisNames] = field(default_factory=dict)
     index: Any = None
     periods: Mapping[str, Array] = field(default_factory=dict)
+    source: Any = None
 
     def __getitem__(self, name: str) -> Array:
         if isinstance(name, str) and name not in self.estimates:
@@ -148,6 +150,7 @@ class Run(Generic[StateKind]):
             int(self.missing[number]),
             self.component_names,
             periods=self.periods,
+            source=None if self.source is None else self.source[number],
         )
 
     def __len__(self) -> int:

@@ -1,51 +1,37 @@
-"""The fixed-interval smoother of Rauch, Tung and Striebel (1965), for runs of Kalman filters."""
+"""The fixed-interval smoother of Rauch, Tung and Striebel (1965), for runs of Kalman filters.
+
+Covariances are smoothed by square roots, so that rounding makes no variance negative: from those of
+P(k|k) and Q where the transition is a matrix, else from that of x(k+1) and x(k) together.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from reobserve.core.arguments import as_whole
-from reobserve.core.errors import DivergenceError, InputError, shown
+from reobserve.core.errors import DivergenceError, InputError, located, shown
 from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.loop_function import RaisedAfterLoop
-from reobserve.core.matrices import as_sample_rows
-from reobserve.observers.augmented_kalman import CROSS, AugmentedKalmanFilter
-from reobserve.observers.dataframes import read_frames
-from reobserve.observers.gaussian_filter import EVEN, GaussianFilter
-from reobserve.observers.gaussian_state import KalmanState, TakenOut, refuse_given, warn_of_smoothed
-from reobserve.observers.kalman import KalmanFilter, assign, assign_matrix, blocks, shortest
-from reobserve.observers.nonlinear_filter import (
-    ExtendedKalmanFilter,
-    UnscentedKalmanFilter,
-    solve_by_root,
-    take_root,
-)
+from reobserve.observers.augmented_kalman import CROSS
+from reobserve.observers.gaussian_state import FilterRows
+from reobserve.observers.kalman import assign, assign_matrix, blocks, fill, shortest, transpose
 from reobserve.observers.run import Run
+from reobserve.systems.linear import ModelRows
 from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
 
+EPSILON = float(np.finfo(float).eps)
+NOTHING = 1e-300  # squares below it have no digits
 
-SMOOTHED = (KalmanFilter, AugmentedKalmanFilter, ExtendedKalmanFilter, UnscentedKalmanFilter)
 
-
-def rts_smoother(
-    filter: GaussianFilter,  # noqa: A002  # as filterpy calls it
-    run: Run[Any],
-    u: ArrayLike | None = None,
-    *,
-    y: ArrayLike | None = None, lag: int | None = None,
-    A: ArrayLike | None = None, B: ArrayLike | None = None, C: ArrayLike | None = None,
-    D: ArrayLike | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
-    S: ArrayLike | None = None, parameters: Mapping[str, ArrayLike] | None = None,
-    dt: ArrayLike | None = None,
-) -> Run[Any]:  # fmt: skip
+def rts_smoother(run: Run[Any], *, lag: int | None = None) -> Run[Any]:
     """Estimates at all samples of a run, each from the whole record, or from ``lag`` rows more.
 
         G(k) = cov(x(k), x(k+1)) P(k+1|k)^-1
@@ -54,39 +40,32 @@ def rts_smoother(
 
     The fixed-interval smoother of Rauch, Tung and Striebel (1965). The cross-covariance is P A' of
     the Kalman filter and of the extended one (at the estimate of row k), and that of the sigma
-    points of the unscented one (Sarkka 2008).
+    points of the unscented one (Sarkka 2008). P_s is found by its square root (Park & Kailath
+    1995), so that no variance is negative, and those after a vague start have the digits that the
+    filter's covariances have.
 
     Parameters
     ----------
-    filter
-        The filter that made the run: a Kalman filter, an extended or unscented one, or one
-        augmented by unknown inputs.
     run
-        Its run; where measurements are missing, too. That of an augmented filter needs ``keep`` of
-        ``state_unknown_input_covariance``.
-    u
-        The inputs of the run, shape (k, p), or (k,); left out where there are none.
-    y
-        Its measurements, shape (k, m), if S was given to the run; else of no use.
+        Of a Kalman filter, an extended or unscented one, or one augmented by unknown inputs, which
+        needs ``keep`` of ``state_unknown_input_covariance``; of one record or of many.
     lag
         The fixed-lag smoother: a row is estimated from the rows up to ``lag`` after it, 1 to k.
         Left out, from all. The cost grows with it.
-    A, B, C, D, Q, R, S, parameters, dt
-        As they were given to the run. Times of the run that are uneven are known.
 
     Returns
     -------
     Run
         With ``state``, (k, n), ``covariance``, (k, n, n), and ``variance``, (k, n), at the run's
-        times, and those of unknown inputs. Its last row is the run's own, and so is the state to go
-        on from.
+        times, and those of unknown inputs; of many records, (records, k, ...). Its last row is the
+        run's own, and so is the state to go on from.
 
     Raises
     ------
     InputError
-        If the filter is another one, or the run, the inputs or what is given are not of it.
+        If the run is of another observer, was smoothed, or lacks what ``keep`` would hold.
     DivergenceError
-        If the prediction from a row is not finite, or its covariance is not positive semidefinite.
+        If an estimate is not finite.
 
     Examples
     --------
@@ -94,204 +73,298 @@ def rts_smoother(
     >>> model = LinearModel([[1, 0.1], [0, 1]], C=[[1, 0]], Q=1e-4, R=1e-2)
     >>> kalman = KalmanFilter(model)
     >>> run = kalman.run([0.02, 0.11, 0.19, 0.29], start=kalman.init([0, 0], 1.0))
-    >>> smoothed = rts_smoother(kalman, run)
+    >>> smoothed = rts_smoother(run)
     >>> print(run["variance"][0, 1].round(2), smoothed["variance"][0, 1].round(2))
     1.0 0.17
 
     """
-    if not isinstance(filter, SMOOTHED):
+    if not isinstance(run, Run) or run.source is None or not len(run):
         raise InputError(
-            "filter",
-            f"{shown(filter)} must be a Kalman filter, extended or unscented or augmented",
-        )
-    means, covariances = _filtered(filter, run)
-    y, u, *_ = read_frames(filter, y, u, None, None, run.time)
-    k, m = len(means), filter.measurements
-    if u is None and filter.inputs:
-        raise InputError("u", f"is left out, must have shape {(k, filter.inputs)}")
-    inputs = np.empty((k, 0)) if u is None else as_sample_rows("u", u, filter.inputs, rows=k)
-    given = filter._known(
-        {"A": A, "B": B, "C": C, "D": D, "Q": Q, "R": R, "S": S, "parameters": parameters, "dt": dt}
-    )
-    _check_given(run, given)
-    refuse_given(filter, given)
-    if "S" in given and y is None:
-        raise InputError("y", f"is left out, must have shape {(k, m)}: S was given")
-    measured = np.zeros((k, m)) if y is None else as_sample_rows("y", y, m, rows=k, missing=True)
-    before = np.concatenate([inputs[:1], inputs])[None]
-    model, held_inputs, _ = filter.steps.in_record(
-        filter, filter._given(given, k), measured, before, {}, _periods(filter, run, given)
-    )
-    n = means.shape[1]
-    ahead = np.empty((k - 1, n)), np.empty((k - 1, n, n)), np.empty((k - 1, n, n))
-    with RaisedAfterLoop():
-        rows = filter.steps.predict(
-            model, filter.method, held_inputs[0], means, covariances, *ahead,
-            filter._work(),
+            "run", f"{shown(run)} must be one of a Kalman filter, extended or unscented or "
+            "augmented, of a row or more, and not smoothed yet",
         )  # fmt: skip
-    if rows < k - 1:
-        problem = "the prediction from there is not finite"
-        raise DivergenceError("rts_smoother", float(run.time[rows]), problem)
-    smooth_means, smooth_covariances = means.copy(), covariances.copy()
-    work = blocks(((n, n),) * 3)
-    periods = filter._rules.state_periods
-    if lag is None:
-        row = _smooth(*ahead, smooth_means, smooth_covariances, periods, *work)
+    later = None if lag is None else as_whole("lag", lag, 1, len(run))
+    if type(run.source) is not tuple:
+        estimates = _smoothed(run, later)
     else:
-        later = as_whole("lag", lag, 1, k)
-        row = _smooth_late(
-            later, *ahead, means, covariances, smooth_means, smooth_covariances,
-            np.empty((later + 1, n)), np.empty((later + 1, n, n)), periods, *work,
-        )  # fmt: skip
-    if row >= 0:
-        raise DivergenceError(
-            "rts_smoother", float(run.time[row]), "going backwards it fails there"
-        )
-    smooth_means = wrapped(smooth_means, filter._rules.state_periods)
-    warn_of_smoothed(*(P.diagonal(axis1=1, axis2=2) for P in (covariances, smooth_covariances)))
-    estimates = _by_name(filter, smooth_means, smooth_covariances)
-    return Run(
-        run.time, estimates, dict.fromkeys(estimates, ""), run.end, run.diverged_at,
-        missing=run.missing, component_names=filter.component_names, index=run.index,
-        periods=run.periods,
-    )  # fmt: skip
+        estimates, records = {}, len(run.source)
+        for r in range(records):
+            one = run.record(r)
+            with located(f"record {r}"):
+                found = _smoothed(one, later) if len(one) else {}
+            for name, values in found.items():
+                shape = (records, len(run), *values.shape[1:])
+                estimates.setdefault(name, np.full(shape, np.nan))[r, : len(one)] = values
+    return replace(run, estimates=estimates, units=dict.fromkeys(estimates, ""), source=None)
 
 
-def _filtered(filter: GaussianFilter, run: Any) -> tuple[Array, Array]:  # noqa: A002
-    """Means and covariances of all that is estimated, (k, n) and (k, n, n)."""
-    n, whole = filter.model.states, filter.whole.states
-    wanted = {"state": (n,), "covariance": (n, n)}
-    if whole > n:
-        q = whole - n
-        wanted |= {"unknown_input": (q,), "unknown_input_covariance": (q, q), CROSS: (n, q)}
-    k = len(run) if isinstance(run, Run) else 0
-    if k and type(run.end) is tuple:
-        raise InputError("run", "is of many records; take one of them, run.record(0)")
-    if k and not isinstance(run.end, KalmanState):
-        raise InputError("run", f"ends in {shown(run.end)}, must be a run of the filter")
-    for name, shape in wanted.items():
-        if not k or name not in run.estimates or run[name].shape != (k, *shape):
-            problem = (
-                f"{shown(run)} must be a run of the filter, with state and covariance of {n} states"
-            )
-            if k and name == CROSS:
-                problem = f'has no {CROSS}: run the filter with keep=["{CROSS}"]'
-            raise InputError("run", problem)
-    x, P = run["state"], run["covariance"]
-    if whole > n:
+def _smoothed(run: Run[Any], lag: int | None) -> dict[str, Array]:
+    """Smoothed estimates of one record by their names."""
+    filter, x, P = run.source.filter, run["state"], run["covariance"]  # noqa: A001
+    keep = [CROSS] if CROSS in filter.keeps else []
+    if keep:
+        if CROSS not in run.estimates:
+            raise InputError("run", f'has no {CROSS}: run the filter with keep=["{CROSS}"]')
         cross, rest = run[CROSS], run["unknown_input_covariance"]
         x = np.concatenate([x, run["unknown_input"]], axis=1)
         P = np.block([[P, cross], [cross.transpose(0, 2, 1), rest]])
-    return np.ascontiguousarray(x), np.ascontiguousarray(P)
+    means, covariances = np.ascontiguousarray(x), np.ascontiguousarray(P)
+    periods, n = filter._rules.state_periods, means.shape[1]
+    ahead = _predicted(run, means, covariances)
+    smooth_means, smooth_covariances = means.copy(), covariances.copy()
+    shapes = (n, n), (n, n), (n, n), (2 * n, 2 * n), (3 * n, 2 * n), (n + 1, n), (n + 1, n), (n,)
+    work = SmootherWork(*blocks((*shapes, (2 * n,), (2 * n,))))
+    if lag is None:
+        row = _smooth(*ahead, 0, smooth_means, smooth_covariances, periods, work)
+    else:
+        row = _smooth_late(
+            lag, *ahead, means, covariances, smooth_means, smooth_covariances,
+            np.empty((lag + 1, n)), np.empty((lag + 1, n, n)), periods, work,
+        )  # fmt: skip
+    if row >= 0:
+        problem = "the smoothed estimate there is not finite"
+        raise DivergenceError("rts_smoother", float(run.time[row]), problem)
+    nothing: Any = [None] * 5
+    rows = FilterRows(wrapped(smooth_means, periods), smooth_covariances, *nothing)
+    named = filter._by_name(rows, None, keep).items()
+    return {name: values for name, values in named if values is not None}
 
 
-def _check_given(run: Run[Any], given: dict[str, Any]) -> None:
-    """Refuse to smooth a run without what was given to it."""
-    for held in run.end.held or {}:
-        name = "S" if held in TakenOut._fields else held
-        if name not in given:
-            raise InputError(name, "is left out, but was given to the run; give the same here")
+def _predicted(run: Run[Any], means: Array, covariances: Array) -> tuple[Any, ...]:
+    """What leads from each row to the next one, as `_smooth` takes it first."""
+    k, (filter, model, inputs) = len(means), run.source  # noqa: A001
+    if isinstance(model, ModelRows):
+        # x(k+1|k) = A x(k|k) + B u(k)
+        A, B = (each[1:k] if len(each) > 2 else each[-1:] for each in (model.A, model.B))
+        moved = A @ means[:-1, :, None] + B @ inputs[1:k, :, None]
+        return moved[:, :, 0], model.A, model.Q, None, None
+    moved, (spreads, crosses) = np.full(means.shape, np.nan), np.empty((2, *covariances.shape))
+    ahead = moved[1:], spreads[1:], crosses[1:]
+    extended = filter.method.extended and (model.parts == 1).all()
+    given = model, filter.method, inputs, means, covariances, *ahead, filter._work()
+    with RaisedAfterLoop():
+        filter.steps.predict(*given, *([crosses[1:]] if extended else []))
+    return ahead[0], *((crosses, model.Q, None, None) if extended else (None, None, *ahead[1:]))
 
 
-def _periods(filter: GaussianFilter, run: Run[Any], given: dict[str, Any]) -> Array | None:  # noqa: A002
-    """The times that lead to each row, where they differ."""
-    if run.end.time is None:
-        return None
-    period = filter.sampling_period
-    periods = np.concatenate([[period], np.diff(run.time)])
-    return None if np.abs(periods - period).max() <= EVEN * period else periods
+class SmootherWork(NamedTuple):
+    """Scratch: squares (n, n), ``joint`` (2 n, 2 n), ``stack`` (3 n, 2 n), then (n + 1, n).
 
+    ``later`` has the root s' of P_s(k+1), and below it x_s(k+1) - x(k+1|k). ``before``, (n,), are
+    the filter's variances at row k+1, ``rest`` and ``sums``, (2 n,), are of roots.
+    """
 
-def _by_name(filter: GaussianFilter, means: Array, covariances: Array) -> dict[str, Array]:  # noqa: A002
-    """Smoothed estimates by their names."""
-    n, variances = filter.model.states, covariances.diagonal(axis1=1, axis2=2)
-    estimates = {
-        "state": means[:, :n],
-        "variance": variances[:, :n],
-        "covariance": covariances[:, :n, :n],
-    }
-    if means.shape[1] > n:
-        estimates["unknown_input"] = means[:, n:]
-        estimates["unknown_input_variance"] = variances[:, n:]
-        estimates["unknown_input_covariance"] = covariances[:, n:, n:]
-        estimates[CROSS] = covariances[:, :n, n:]
-    return estimates
+    root: Array
+    noise: Array
+    transposed: Array
+    joint: Array
+    stack: Array
+    later: Array
+    solved: Array
+    before: Array
+    rest: Array
+    sums: Array
 
 
 @kernel
 def _smooth(
-    next_means: Array, next_covariances: Array, crosses: Array, means: Array, covariances: Array,
-    periods: Array, root: Array, gain: Array, change: Array,
+    next_means: Array, transitions: Array | None, noises: Array | None, spreads: Array | None,
+    crosses: Array | None, first: int, means: Array, covariances: Array, periods: Array,
+    work: SmootherWork,
 ) -> int:  # fmt: skip
-    """Smooth filtered means and covariances in place, and return the row that fails, or -1."""
-    due = FIRST
-    for back in range(len(next_means)):
+    """Smooth filtered means and covariances in place, and return the row that fails, or -1.
+
+    They begin at row ``first`` of the record. Row k of ``next_means`` is x(k+1|k). Row k of
+    ``transitions`` and ``noises`` are A and Q that lead to row k, the last ones those to later
+    rows; where they are None, ``spreads`` are P(k+1|k), and ``crosses`` cov(x(k), x(k+1)).
+    """
+    due, last, n = FIRST, len(means) - 1, means.shape[1]
+    _take_rows(covariances[last], work.later, work.rest)
+    for i in range(n):
+        work.before[i] = covariances[last, i, i]
+    for back in range(last):
         if back >= due:
             due = poll(back)
-        k = len(next_means) - 1 - back
-        if not take_root(next_covariances[k], root):
-            return k
-        # G(k) = cov(x(k), x(k+1)) P(k+1|k)^-1
-        solve_by_root(root, crosses[k], gain)
-        # x_s(k), P_s(k) from x_s(k+1), P_s(k+1)
-        total = _smooth_row(
-            means[k + 1], covariances[k + 1], next_means[k], next_covariances[k], means[k],
-            covariances[k], periods, gain, change,
-        )  # fmt: skip
-        if not math.isfinite(total):
-            return k
+        row = last - 1 - back
+        k = first + row
+        if transitions is not None:
+            if back == 0 or len(transitions) > 1:
+                transpose(transitions[min(k + 1, len(transitions) - 1)], work.transposed, False)
+            if back == 0 or len(noises) > 1:
+                _take_rows(noises[min(k + 1, len(noises) - 1)], work.noise, work.rest)
+            _stack_roots(covariances[row], work)
+        if spreads is not None:
+            _stack_joint(spreads[k], crosses[k], covariances[row], work)
+        for i in range(n):
+            difference = means[row + 1, i] - next_means[k, i]
+            work.later[n, i] = shortest(difference, periods[i])
+        if not math.isfinite(_smooth_row(means[row], covariances[row], work)):
+            return row
     return -1
 
 
 @inlined_kernel
-def _smooth_row(
-    later_mean: Array, later_covariance: Array, next_mean: Array, next_covariance: Array,
-    mean: Array, covariance: Array, periods: Array, gain: Array, change: Array,
-) -> float:  # fmt: skip
-    """Smooth a row by the later one, and return a sum that is finite if all of it is."""
-    n, total = len(mean), 0.0
-    # x_s(k) = x(k|k) + G (x_s(k+1) - x(k+1|k))
+def _take_rows(covariance: Array, root: Array, rest: Array) -> None:
+    """Write W of P = W' W: Cholesky's factor with pivots, which leaves rows beyond the rank zero.
+
+    ``rest``, (n,), is what is left of the variances.
+    """
+    n = len(covariance)
     for a in range(n):
-        for i in range(n):
-            mean[a] += gain[a, i] * shortest(later_mean[i] - next_mean[i], periods[i])
-        total += mean[a]
-    # T = G (P_s(k+1) - P(k+1|k))
+        rest[a] = covariance[a, a]
+    for j in range(n):
+        share, pivot = n * EPSILON, -1
+        for a in range(n):
+            if rest[a] > share * covariance[a, a]:
+                share, pivot = rest[a] / covariance[a, a], a
+        fill(root[j], 0.0)
+        if pivot < 0:
+            continue
+        # W_ja = (P_pa - sum_(i<j) W_ip W_ia) / W_jp,   W_jp^2 = P_pp - sum_(i<j) W_ip^2
+        size = math.sqrt(rest[pivot])
+        for i in range(j):
+            for a in range(n):
+                root[j, a] += root[i, pivot] * root[i, a]
+        for a in range(n):
+            root[j, a] = (covariance[pivot, a] - root[j, a]) / size if rest[a] > 0.0 else 0.0
+            rest[a] -= root[j, a] * root[j, a]
+        root[j, pivot], rest[pivot] = size, 0.0
+
+
+@inlined_kernel
+def _stack_roots(covariance: Array, work: SmootherWork) -> None:
+    """Write a root of the covariance of x(k+1) and x(k) from those of P(k|k) and Q."""
+    n, stack, root = len(covariance), work.stack, work.root
+    # [p' A', p'; q', 0],   P(k|k) = p p',   Q = q q'
+    _take_rows(covariance, root, work.rest)
+    for r in range(n):
+        for a in range(n):
+            stack[r, a], stack[r, n + a] = 0.0, root[r, a]
+            stack[n + r, a], stack[n + r, n + a] = work.noise[r, a], 0.0
+        for j in range(n):
+            if root[r, j] != 0.0:
+                for a in range(n):
+                    stack[r, a] += root[r, j] * work.transposed[j, a]
+
+
+@inlined_kernel
+def _stack_joint(spread: Array, cross: Array, covariance: Array, work: SmootherWork) -> None:
+    """Write a root of the covariance of x(k+1) and x(k) from that itself."""
+    n, joint = len(covariance), work.joint
+    # [P(k+1|k), C'; C, P(k|k)],   C = cov(x(k), x(k+1))
     for a in range(n):
-        for i in range(n):
-            change[a, i] = 0.0
-            for j in range(n):
-                change[a, i] += gain[a, j] * (later_covariance[j, i] - next_covariance[j, i])
-    # P_s(k) = P(k|k) + T G'
+        for b in range(n):
+            joint[a, b], joint[n + a, n + b] = spread[a, b], covariance[a, b]
+            joint[a, n + b] = joint[n + b, a] = cross[b, a]
+    _take_rows(joint, work.stack, work.rest)
+
+
+@inlined_kernel
+def _reflect(stack: Array, i: int, first: int, last: int, least: float, sums: Array) -> bool:
+    """Make column i zero below row ``first`` by Householder's reflection of rows before ``last``.
+
+    False if the sum of its squares there is not above ``least``.
+    """
+    width, total = stack.shape[1], 0.0
+    for r in range(first, last):
+        total += stack[r, i] * stack[r, i]
+    if total <= least or total <= NOTHING:
+        return False
+    # v = m + sign(m_1) |m| e_1,   M = M - 2 v (v' M) / (v' v)
+    lead, size = stack[first, i], math.copysign(math.sqrt(total), stack[first, i])
+    stack[first, i] = lead + size
+    for a in range(i + 1, width):
+        sums[a] = 0.0
+    for r in range(first, last):
+        v = stack[r, i]
+        if v != 0.0:
+            for a in range(i + 1, width):
+                sums[a] += v * stack[r, a]
+    scale = 1.0 / (size * (lead + size))
+    for a in range(i + 1, width):
+        sums[a] *= scale
+    for r in range(first, last):
+        v = stack[r, i]
+        if v != 0.0:
+            for a in range(i + 1, width):
+                stack[r, a] -= v * sums[a]
+            stack[r, i] = 0.0
+    stack[first, i] = -size
+    return True
+
+
+@inlined_kernel
+def _solve(work: SmootherWork) -> int:
+    """Reduce the stack to [L11', L21'; 0, L22'], solve with L11, and return its rank."""
+    n, stack, later, solved, rank = len(work.before), work.stack, work.later, work.solved, 0
+    # L11 L11' = P(k+1|k),   G = L21 L11^-1
+    for i in range(n):
+        # What is below the rounding of P(k+1|k+1) says nothing of x(k).
+        if _reflect(stack, i, rank, 2 * n, 256.0 * n * EPSILON * work.before[i], work.sums):
+            # z L11' = [s'; (x_s(k+1) - x(k+1|k))']
+            for r in range(n + 1):
+                value = later[r, i]
+                for j in range(rank):
+                    value -= solved[r, j] * stack[j, i]
+                solved[r, rank] = value / stack[rank, i]
+            rank += 1
+    return rank
+
+
+@inlined_kernel
+def _smooth_row(mean: Array, covariance: Array, work: SmootherWork) -> float:
+    """Smooth a row by ``work.later``, which becomes its own, and return a sum to be finite."""
+    n, stack, later, solved = len(mean), work.stack, work.later, work.solved
+    rank, total = _solve(work), 0.0
+    # x_s(k) = x(k|k) + L21 z',   G s = L21 z'
+    for r in range(n):
+        fill(stack[2 * n + r], 0.0)
+    for j in range(rank):
+        for a in range(n):
+            mean[a] += solved[n, j] * stack[j, n + a]
+        for r in range(n):
+            for a in range(n):
+                stack[2 * n + r, n + a] += solved[r, j] * stack[j, n + a]
+    # [L22'; (G s)'] = H [s'; 0],   P_s(k) = s s'
+    pivot = rank
+    for i in range(n):
+        work.before[i] = covariance[i, i]
+        if _reflect(stack, n + i, pivot, 3 * n, 0.0, work.sums):
+            pivot += 1
+    for r in range(n):
+        for a in range(n):
+            later[r, a] = stack[rank + r, n + a]
     for a in range(n):
         for b in range(a + 1):
-            for i in range(n):
-                covariance[a, b] += change[a, i] * gain[b, i]
-            covariance[b, a] = covariance[a, b]
-        total += covariance[a, a]
+            value = 0.0
+            for r in range(b + 1):
+                value += later[r, a] * later[r, b]
+            covariance[a, b] = covariance[b, a] = value
+        total += mean[a] + covariance[a, a]
     return total
 
 
 @kernel
 def _smooth_late(
-    lag: int, next_means: Array, next_covariances: Array, crosses: Array, means: Array,
-    covariances: Array, late_means: Array, late_covariances: Array, some: Array, spreads: Array,
-    periods: Array, root: Array, gain: Array, change: Array,
+    lag: int, next_means: Array, transitions: Array | None, noises: Array | None,
+    spreads: Array | None, crosses: Array | None, means: Array, covariances: Array,
+    late_means: Array, late_covariances: Array, some: Array, of_some: Array, periods: Array,
+    work: SmootherWork,
 ) -> int:  # fmt: skip
     """Write the smoothed row of each stretch of ``lag`` + 1, and return one that fails, or -1."""
     count = len(means)
     for k in range(count):
-        last = min(k + lag, count - 1)
-        size = last - k + 1
+        size = min(lag, count - 1 - k) + 1
         # x_s(k) = E[x(k) | y(0), ..., y(k + lag)]
         for row in range(size):
             assign(some[row], means[k + row])
-            assign_matrix(spreads[row], covariances[k + row])
+            assign_matrix(of_some[row], covariances[k + row])
         failed = _smooth(
-            next_means[k:last], next_covariances[k:last], crosses[k:last], some[:size],
-            spreads[:size], periods, root, gain, change,
+            next_means, transitions, noises, spreads, crosses, k, some[:size], of_some[:size],
+            periods, work,
         )  # fmt: skip
         if failed >= 0:
             return k + failed
         assign(late_means[k], some[0])
-        assign_matrix(late_covariances[k], spreads[0])
+        assign_matrix(late_covariances[k], of_some[0])
     return -1

@@ -143,8 +143,8 @@ def test_smoother_looks(monkeypatch: pytest.MonkeyPatch) -> None:
         return row + FIRST
 
     monkeypatch.setattr("reobserve.core.interrupts.next_poll", looked)
-    rts_smoother(kalman, run)
-    assert rows == [FIRST, FIRST]  # of the prediction, and backwards
+    rts_smoother(run)
+    assert rows == [FIRST]
 
 
 @pytest.mark.parametrize("seconds", [1e-6, 1e-3, 1.0])

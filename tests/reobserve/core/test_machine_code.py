@@ -36,7 +36,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     kalman, other = KalmanFilter(MODEL), KalmanFilter(SOFT)
     start, S = kalman.init([0.0, 0.0], 1.0), np.full((2, 2), 1e-9)
     kalman.run(y, u, start=start, S=S, keep="gain")
-    rts_smoother(kalman, kalman.run(y, u, start=start), u, lag=2)
+    rts_smoother(kalman.run(y, u, start=start), lag=2)
     restarted_cusum(kalman, other, y, u, kalman.init([0.0, 0.0], 1.0))
     weighted = SmoothVariableStructureFilter(
         MODEL, boundary_layer=10.0, convergence_rate=0.1, inverse="weighted"

@@ -24,7 +24,7 @@ def by_hand(made: Estimation, y: Any, u: Any) -> dict[str, Any]:
     """The smoothed run of an observer, by calls of the library, with the filter's innovations."""
     keep = ["state_unknown_input_covariance"] if "unknown_input" in made.outputs.sources else []
     run = made.observer.run(y, u, start=made.design.start(), keep=keep)
-    smooth = rts_smoother(made.observer, run, u)
+    smooth = rts_smoother(run)
     return {**smooth.estimates, "residual": run["innovation"]}
 
 

@@ -46,7 +46,7 @@ MANY = KALMAN.run(np.zeros((2, 5, 1)), start=KALMAN.init([0], 1))
 
 # Whole numbers that the calls of `calls` leave out.
 OTHERS: dict[str, Callable[[Any], object]] = {
-    "observers.smoother.rts_smoother: lag": lambda n: rts_smoother(KALMAN, RUN, lag=n),
+    "observers.smoother.rts_smoother: lag": lambda n: rts_smoother(RUN, lag=n),
     "observers.normal_form.normal_form_observer: expanded": lambda n: normal_form_observer(
         VAN_DER_POL, ["a"], ["a", "w"], order=1, sampling_period=0.01, poles=[-1, -2], expanded=n
     ),
@@ -138,13 +138,13 @@ def test_whole_numbers_are_refused_beyond_the_limit() -> None:
 @given(st.integers(1, 200) | st.integers() | st.sampled_from(BEYOND))
 def test_lag_is_within_the_record(lag: int) -> None:
     if lag in range(1, len(RUN) + 1):
-        late = rts_smoother(KALMAN, RUN, lag=lag)
+        late = rts_smoother(RUN, lag=lag)
         assert late["variance"].min() > 0
-        whole = rts_smoother(KALMAN, RUN)
+        whole = rts_smoother(RUN)
         assert np.array_equal(late["state"][-1 - lag :], whole["state"][-1 - lag :])
     else:
         with pytest.raises(InputError, match=r"^lag: .* must be a whole number, from 1 to 50$"):
-            rts_smoother(KALMAN, RUN, lag=lag)
+            rts_smoother(RUN, lag=lag)
 
 
 def check_broadcast(name: str, rows: tuple[int, ...]) -> None:

@@ -47,7 +47,7 @@ def test_bearing_filter_across_the_cut_is_the_turned_filter(kind: type) -> None:
         sign = -1.0 if turned else 1.0
         start = sign * np.array([-10, 5, 0, -STEP])
         run = observer.run(y, start=observer.init(start, [1, 1, 0.01, 0.01]))
-        smooth = rts_smoother(observer, run)
+        smooth = rts_smoother(run)
         found[turned] = [sign * run["state"], sign * smooth["state"], run["covariance"]]
         np.testing.assert_allclose(run["innovation"], found[False][0][:, :1] * 0, atol=0.05)
     for one, other in zip(found[False], found[True], strict=True):
@@ -71,7 +71,7 @@ COMPASS = STRAIGHT % 360.0
 def test_heading_that_goes_round_is_the_one_that_goes_on() -> None:
     straight = KalmanFilter(compass())
     expected = straight.run(STRAIGHT, start=straight.init([30, 0], 100.0))
-    smooth = rts_smoother(straight, expected)
+    smooth = rts_smoother(expected)
     goes_on = KalmanFilter(compass(output_periods=[360.0]))
     run = goes_on.run(COMPASS, start=goes_on.init([30, 0], 100.0))
     np.testing.assert_allclose(run["state"], expected["state"], atol=1e-9)
@@ -80,7 +80,7 @@ def test_heading_that_goes_round_is_the_one_that_goes_on() -> None:
     np.testing.assert_allclose(run["state"], wrapped(expected["state"], [360, 0]), atol=1e-9)
     assert np.abs(run["state_heading"]).max() <= 180.0
     np.testing.assert_allclose(
-        rts_smoother(wraps, run)["state"], wrapped(smooth["state"], [360, 0]), atol=1e-9
+        rts_smoother(run)["state"], wrapped(smooth["state"], [360, 0]), atol=1e-9
     )
     truth = np.column_stack([HEADING % 360.0, np.full(400, 25.0)])
     np.testing.assert_allclose(
@@ -134,7 +134,7 @@ def test_nonlinear_state_goes_round_through_sigma_points_and_one_by_one_in_a_ban
             run = observer.run(y, start=observer.init([30, 0], 100.0))
             both = IMM([observer, observer], [[0.9, 0.1], [0.1, 0.9]])
             banked = both.run(y[:60], start=both.init([30, 0], 100.0))
-            smooth = rts_smoother(observer, run)
+            smooth = rts_smoother(run)
             found.append([run["state"], smooth["state"], banked["state"], run["covariance"]])
         for straight, wraps in zip(*(one[:3] for one in found), strict=True):
             np.testing.assert_allclose(wrapped(straight, [360, 0]), wraps, atol=1e-8)

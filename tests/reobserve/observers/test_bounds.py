@@ -38,9 +38,8 @@ for name, make in GIVEN.items():
     one = make()
     run = one.observer.run(y, u, start=one.state, **one.given)
     if name in ("Kalman", "EKF", "UKF"):
-        again = part(one.given, slice(None))
-        again.pop("keep", None)
-        rts_smoother(one.observer, run, u, **again)
+        rts_smoother(run)
+        rts_smoother(run, lag=2)
 print("all within bounds")
 """
 

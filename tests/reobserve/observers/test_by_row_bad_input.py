@@ -17,7 +17,6 @@ from reobserve import (
     KalmanFilter,
     LinearModel,
     NonlinearModel,
-    rts_smoother,
     steady_kalman,
 )
 from tests.reobserve.observers.by_row import (
@@ -29,7 +28,6 @@ from tests.reobserve.observers.by_row import (
     augmented,
     bank,
     kalman_bank,
-    random_rows,
     record,
     svsf,
 )
@@ -199,29 +197,6 @@ def test_records_of_other_lengths_are_refused() -> None:
         one.run([y, y], u, start=[state])
     with pytest.raises(InputError, match=r"^record 1\.y: has shape \(9, 1\), must have one row or"):
         one.run([y, y[:, :1]], u, start=state)
-
-
-def test_smoother_refuses_what_does_not_belong_to_the_run() -> None:
-    one, (y, u), rows = kalman(), record(), random_rows()
-    run = one.run(y, u, start=one.init([0.0] * 3, 1.0), **rows)
-    without_s = {name: value for name, value in rows.items() if name != "S"}
-    with pytest.raises(InputError, match=r"^S: is left out, but was given to the run"):
-        rts_smoother(one, run, u, y=y, **without_s)
-    with pytest.raises(InputError, match=r"^A: is left out, but was given to the run"):
-        rts_smoother(one, run, u, y=y, S=rows["S"])
-    with pytest.raises(
-        InputError, match=r"^y: is left out, must have shape \(9, 2\): S was given$"
-    ):
-        rts_smoother(one, run, u, **rows)
-    with pytest.raises(InputError, match=r"^dt: is not taken by KalmanFilter, beside y and u it"):
-        rts_smoother(one, run, u, dt=0.1)
-    bare = augmented()
-    run = bare.run(y, u, start=bare.init([0.0] * 3, 1.0))
-    with pytest.raises(InputError, match=r"has no state_unknown_input_covariance: run the filter"):
-        rts_smoother(bare, run, u)
-    many = one.run([y, y], u, start=one.init([0.0] * 3, 1.0))
-    with pytest.raises(InputError, match=r"^run: is of many records; take one of them, run.record"):
-        rts_smoother(one, many, u)
 
 
 DAMAGED: dict[str, tuple[Callable[[], Any], dict[str, Any], str]] = {

@@ -40,11 +40,11 @@ def test_rows_are_those_of_a_record_that_ends_so_much_later(kind: str, lag: int)
     }[kind]()
     start = observer.init([0, 0], 1.0)
     keep = [CROSS] if kind == "augmented" else []
-    late = rts_smoother(observer, observer.run(Y, U, start=start, keep=keep), U, lag=lag)
+    late = rts_smoother(observer.run(Y, U, start=start, keep=keep), lag=lag)
     for k in (0, 3, 6, 21, 38, 39):
         end = min(k + lag, 39) + 1
         run = observer.run(Y[:end], U[:end], start=start, keep=keep)
-        expected = rts_smoother(observer, run, U[:end])
+        expected = rts_smoother(run)
         for name in expected:
             assert np.array_equal(late[name][k], expected[name][k]), name
 
@@ -54,4 +54,4 @@ def test_lag_below_one_or_beyond_the_record_is_refused(lag: int) -> None:
     kalman = KalmanFilter(MODEL)
     run = kalman.run(Y, U, start=kalman.init([0, 0], 1.0))
     with pytest.raises(InputError, match=f"lag: {lag} must be"):
-        rts_smoother(kalman, run, U, lag=lag)
+        rts_smoother(run, lag=lag)

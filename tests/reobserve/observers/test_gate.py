@@ -17,7 +17,6 @@ from reobserve import (
     LinearModel,
     NonlinearModel,
     UnscentedKalmanFilter,
-    rts_smoother,
 )
 from reobserve.core.errors import InputError
 
@@ -137,13 +136,6 @@ def test_correlated_noise_is_refused_with_a_gate(name: str, way: str) -> None:
         gated = make(gate=6, **outliers)
         with pytest.raises(InputError, match=r"^S: must be left out with a gate: "):
             give(gated, gated.init([0, 0], 1))
-
-
-def test_smoother_of_a_filter_with_a_gate_takes_no_correlated_noise() -> None:
-    gated = KalmanFilter(MODEL, gate=6)
-    run = gated.run(SPOILT, start=gated.init([0, 0], 1))
-    with pytest.raises(InputError, match=r"^S: must be left out with a gate: "):
-        rts_smoother(gated, run, y=SPOILT, S=CROSS)
 
 
 def test_gates_that_are_none_are_refused() -> None:

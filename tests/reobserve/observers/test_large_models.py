@@ -92,7 +92,7 @@ def test_filter_and_smoother_have_the_bits_of_plain_loops(
             y, u, start=one.init(np.zeros(n), 1.0),
             keep=["predicted_state", "predicted_covariance", "gain"],
         )  # fmt: skip
-        return found, rts_smoother(one, found, u)
+        return found, rts_smoother(found)
 
     for one, other in zip(*both(run, monkeypatch), strict=True):
         assert same(one, other)

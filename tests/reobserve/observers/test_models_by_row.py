@@ -93,7 +93,7 @@ def test_filter_and_smoother_agree_with_the_joint_gaussian(held: Any, correlated
     given["S"] *= correlated
     one, mean, covariance = KalmanFilter(MODEL), [0.3, -0.2, 0.1], np.diag([0.5, 0.2, 1.0])
     run = one.run(y, u, start=one.init(mean, covariance, u=held), **given)
-    smooth = rts_smoother(one, run, u, y=y, **given)
+    smooth = rts_smoother(run)
     every, begun = given, 0
     if held is not None:  # the model's own matrices lead from the row before, which is not seen
         first = {**{name: getattr(MODEL, name) for name in "ABCDQR"}, "S": np.zeros((n, m))}

@@ -28,7 +28,6 @@ from reobserve import (
     LinearModel,
     NonlinearModel,
     UnscentedKalmanFilter,
-    rts_smoother,
 )
 from reobserve.core.errors import DivergenceError
 from reobserve.observers.gaussian_state import REMEDY, VagueStartWarning
@@ -246,36 +245,3 @@ def test_sigma_points_of_negative_weight_are_no_rounding() -> None:
     filter_ = UnscentedKalmanFilter(model, kappa=-0.9, beta=-5.0)
     with pytest.raises(DivergenceError, match="no longer positive semidefinite"):
         filter_.run(np.zeros(5), start=filter_.init([0.0], 4.0))
-
-
-@given(seed=st.integers(0, 2**32 - 1), q=st.just(-np.inf) | POWERS, p=POWERS)
-@example(seed=8, q=-np.inf, p=0.0)
-def test_advice_of_the_smoother_helps(seed: int, q: float, p: float) -> None:
-    one = Plant.draw(seed)
-    one = one._replace(y=np.tile(one.y, (8, 1)))
-
-    def smoothed(q: float, p: float, lag: int | None) -> bool | None:
-        """Whether there is no warning, and then no variance is below zero; None if it stops."""
-        observer, state = kalman(one, q, p)
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter("always")
-            try:
-                found = rts_smoother(observer, observer.run(one.y, start=state), lag=lag)
-            except DivergenceError:
-                return None
-        assert said or (found["variance"] > 0).all()
-        return not said
-
-    if smoothed(10**q, 10**p, None) is False:
-        small = min(10**q, SMALL), min(10**p, SMALL)
-        assert any(smoothed(*small, lag) for lag in (None, 30, 10, 3, 1))
-
-
-def test_short_lag_helps_where_a_state_grows_without_noise() -> None:
-    kalman_ = KalmanFilter(LinearModel([[1.2]], C=[[1.0]], Q=0.0, R=1.0))
-    run = kalman_.run(np.zeros(400), start=kalman_.init([0.0], 1.0))
-    with pytest.warns(VagueStartWarning, match="smooth with a short `lag`"):
-        rts_smoother(kalman_, run)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert (rts_smoother(kalman_, run, lag=30)["variance"] > 0).all()

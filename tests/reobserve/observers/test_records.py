@@ -197,8 +197,8 @@ def test_augmented_filter_and_smoother_are_those_of_one_model(names: str) -> Non
     wanted = peer.run(y, u, start=peer.init([0.3, -0.2, 0.1, 0.4], spread), keep=KEEP, **other)
     state = one.init([0.3, -0.2, 0.1], 0.5, unknown_input=[0.4], unknown_input_covariance=2.0)
     run = one.run(y, u, start=state, keep=[*KEEP, CROSS], **given)
-    smooth = rts_smoother(one, run, u, y=y, **given)
-    smoothed = rts_smoother(peer, wanted, u, y=y, **other)
+    smooth = rts_smoother(run)
+    smoothed = rts_smoother(wanted)
     for found, known in ((run, wanted), (smooth, smoothed)):
         x, P = known["state"], known["covariance"]
         for name, value in {
@@ -220,7 +220,7 @@ def test_components_go_by_the_names_of_signals() -> None:
     assert np.array_equal(run["innovation_far"], run["innovation"][:, 1], equal_nan=True)
     assert np.array_equal(run["unknown_input_bias"], run["unknown_input"][:, 0])
     assert np.array_equal(run[f"{CROSS}_v_bias"], run[CROSS][:, 1, 0])
-    smooth = rts_smoother(one, run, u)
+    smooth = rts_smoother(run)
     assert np.array_equal(smooth["unknown_input_bias"], smooth["unknown_input"][:, 0])
     assert {"state_p", "unknown_input_bias", f"{CROSS}_p_bias"} <= {*run.to_pandas().columns}
     plain = KalmanFilter(model)

@@ -114,7 +114,7 @@ def test_filter_and_smoother_agree_with_exact_matrices_by_row() -> None:
     assert np.array_equal(run.time, TIMES)
     for name in SHARED:
         np.testing.assert_allclose(run[name], wanted[name], rtol=1e-11, atol=1e-12)
-    smooth, exact = rts_smoother(one, run, u), rts_smoother(one, wanted, u, **given)
+    smooth, exact = rts_smoother(run), rts_smoother(wanted)
     for name in ("state", "covariance"):
         np.testing.assert_allclose(smooth[name], exact[name], rtol=1e-11, atol=1e-12)
 
@@ -166,14 +166,14 @@ def test_nonlinear_filters_at_uneven_times_agree_with_runge_kutta_by_row(kind: A
     run = one.run(y, u, start=one.init([0.3, -0.2], 0.5), time=TIMES)
     for name in SHARED:
         np.testing.assert_allclose(run[name], wanted[name], rtol=1e-10, atol=1e-11)
-    smooth, exact = rts_smoother(one, run, u), rts_smoother(linear, wanted, u, **given)
+    smooth, exact = rts_smoother(run), rts_smoother(wanted)
     np.testing.assert_allclose(smooth["covariance"], exact["covariance"], rtol=1e-9, atol=1e-11)
     lengths = [*np.diff(TIMES), 0.1]
     by_lengths = one.run(y, u, start=one.init([0.3, -0.2], 0.5), dt=lengths)
     np.testing.assert_allclose(by_lengths.time, TIMES, rtol=1e-14)
     for name in SHARED:
         np.testing.assert_allclose(by_lengths[name], run[name], rtol=1e-12, atol=1e-13)
-    given_lengths = rts_smoother(one, by_lengths, u, dt=lengths)
+    given_lengths = rts_smoother(by_lengths)
     np.testing.assert_allclose(given_lengths["state"], smooth["state"], rtol=1e-11, atol=1e-12)
 
 
@@ -213,7 +213,7 @@ def test_rows_left_out_are_rows_of_nan(
     for name in (*SHARED, *keep):
         for found in (short, again):
             np.testing.assert_allclose(found[name], whole[name][kept], rtol=1e-7, atol=1e-9)
-    smooth, exact = rts_smoother(one, short, pushed), rts_smoother(one, whole, held)
+    smooth, exact = rts_smoother(short), rts_smoother(whole)
     for name in ("state", "covariance"):
         np.testing.assert_allclose(smooth[name], exact[name][kept], rtol=1e-6, atol=1e-8)
 
@@ -300,7 +300,7 @@ def test_a_slow_sensor_in_a_fast_record_is_a_filter_of_its_rate(every: int) -> N
     for name in SHARED:
         np.testing.assert_allclose(run[name][::every], wanted[name], rtol=1e-12, atol=1e-13)
         np.testing.assert_allclose(skipping[name], wanted[name], rtol=1e-12, atol=1e-13)
-    smooth, slowly = rts_smoother(fast, run, u), rts_smoother(one, wanted, u[::every])
+    smooth, slowly = rts_smoother(run), rts_smoother(wanted)
     for name in ("state", "covariance"):
         np.testing.assert_allclose(smooth[name][::every], slowly[name], rtol=1e-11, atol=1e-12)
 

@@ -265,7 +265,7 @@ def estimates(case: Case, *, smooth: bool = False) -> dict[str, Array]:
     one, given = case.observer, () if case.u is None else (case.u,)
     keep = {"keep": [CROSS]} if isinstance(one, AugmentedKalmanFilter) else {}
     run = one.run(case.y, *given, start=case.state, **keep)
-    found = rts_smoother(one, run, *given) if smooth else run
+    found = rts_smoother(run) if smooth else run
     return {name: found[name] * case.scales.get(name, 1.0) for name in found.estimates}
 
 

@@ -70,7 +70,7 @@ def estimates(kind: str, model: str, x: Array, s: Array) -> dict[str, Array]:
         )
     )  # fmt: skip
     run = one.run(y / s, start=one.init(START / x, P0 / np.outer(x, x)))
-    smoothed = rts_smoother(one, run)
+    smoothed = rts_smoother(run)
     found = {"filtered": run, "smoothed": smoothed}
     return {
         f"{name} {part}": np.array(estimate[part] * scale)

@@ -44,7 +44,7 @@ def estimates(model: NonlinearModel, kind: Any = ExtendedKalmanFilter) -> Array:
     run = one.run(Y, U, start=start)
     ahead = one.predict(start.posterior, [0.3])
     after = one.correct(ahead, [0.2], [0.3]).posterior
-    parts = [run["state"], run["covariance"], rts_smoother(one, run, U)["state"]]
+    parts = [run["state"], run["covariance"], rts_smoother(run)["state"]]
     parts += [ahead.mean, ahead.covariance, after.mean, after.covariance]
     return np.concatenate([part.ravel() for part in parts])
 

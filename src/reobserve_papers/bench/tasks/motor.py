@@ -192,7 +192,7 @@ def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     def run(record: TaskRecord) -> Estimates:
         y, u, cross = record.measurements, record.inputs, "state_unknown_input_covariance"
         start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)
-        late = rts_smoother(observer, observer.run(y, u, start=start, keep=[cross]), u)
+        late = rts_smoother(observer.run(y, u, start=start, keep=[cross]))
         estimates = Estimates(late["unknown_input"], late["unknown_input_covariance"])
         return _over_largest(plant, estimates)
 

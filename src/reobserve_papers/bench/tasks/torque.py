@@ -172,7 +172,7 @@ def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
         y = unexplained(plant, record, period)
         start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)
         outputs = observer.run(y, start=start, keep=["state_unknown_input_covariance"])
-        late = rts_smoother(observer, outputs)
+        late = rts_smoother(outputs)
         return Estimates(late["unknown_input"], late["unknown_input_covariance"])
 
     return run

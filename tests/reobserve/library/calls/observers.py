@@ -274,7 +274,7 @@ def _nonlinear_filters() -> Iterator[Call]:
         yield method(observer, "correct", start.posterior, [0.1], [1.0], takes=MISSING)
 
         def smooth(u: Any, Q: Any, observer: Any = observer, start: Any = start) -> object:
-            return rts_smoother(observer, observer.run(y, np.ones((20, 1)), start=start), u, Q=Q)
+            return rts_smoother(observer.run(y, u, start=start, Q=Q))
 
         kind = type(observer).__name__
         yield Call(f"observers.smoother.rts_smoother, {kind}", smooth, (u, noise[0]))
