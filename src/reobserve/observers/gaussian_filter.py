@@ -545,6 +545,8 @@ class GaussianFilter(Observer[KalmanState]):
             else:
                 warn_of_starts(starts, P, ends[:, 0], S)
         reached_states, findings, sources, causes = [], [], [], self.steps.causes
+        if "functions" in model._fields:  # which the filter has, and which may have no pickle
+            model = model._replace(functions=None)
         for r, cause in enumerate(ends[:, 1].tolist()):
             sources.append(Source(self, model, known[r]) if self.has_kalman_gain else None)
             reached_states.append(reached(after, r, states[r], records[r], held, self._sizes))

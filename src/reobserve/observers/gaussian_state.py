@@ -402,8 +402,8 @@ def warn_of_start(start: Array, variances: Array, innovations: Array | None = No
             if last > FILTERED * after > 0.0:  # zero is known, not vague
                 _warn(
                     f"the variance of state {state + 1} falls from {last:g} to {after:g} at {{at}}",
-                    row, REMEDY,
-                )  # fmt: skip
+                    row,
+                )
                 return True
         before = now
     if innovations is not None and innovations.shape[1] > 1:
@@ -414,8 +414,8 @@ def warn_of_start(start: Array, variances: Array, innovations: Array | None = No
                 "measurements of the same are far more precise than their prediction at "
                 "{at}: the covariance of their innovation is nearly singular (its correlation "
                 f"matrix has the eigenvalue {least[row]:.1g})",
-                row, REMEDY,
-            )  # fmt: skip
+                row,
+            )
             return True
     return False
 
@@ -448,7 +448,7 @@ def warn_of_starts(
             return
 
 
-def _warn(problem: str, row: int, remedy: str) -> None:
+def _warn(problem: str, row: int) -> None:
     """Warn at the line that called the library."""
-    sentence = f"covariance: {problem}, so that rounding leaves few digits of it; {remedy}"
+    sentence = f"covariance: {problem}, so that rounding leaves few digits of it; {REMEDY}"
     warn_caller(VagueStartWarning(sentence, row))

@@ -41,8 +41,7 @@ def rts_smoother(run: Run[Any], *, lag: int | None = None) -> Run[Any]:
     The fixed-interval smoother of Rauch, Tung and Striebel (1965). The cross-covariance is P A' of
     the Kalman filter and of the extended one (at the estimate of row k), and that of the sigma
     points of the unscented one (Sarkka 2008). P_s is found by its square root (Park & Kailath
-    1995), so that no variance is negative, and those after a vague start have the digits that the
-    filter's covariances have.
+    1995), so that no variance is negative and a vague start loses no more digits than in the run.
 
     Parameters
     ----------
@@ -138,6 +137,7 @@ def _predicted(run: Run[Any], means: Array, covariances: Array) -> tuple[Any, ..
         A, B = (each[1:k] if len(each) > 2 else each[-1:] for each in (model.A, model.B))
         moved = A @ means[:-1, :, None] + B @ inputs[1:k, :, None]
         return moved[:, :, 0], model.A, model.Q, None, None
+    model = model._replace(functions=filter.functions)
     moved, (spreads, crosses) = np.full(means.shape, np.nan), np.empty((2, *covariances.shape))
     ahead = moved[1:], spreads[1:], crosses[1:]
     extended = filter.method.extended and (model.parts == 1).all()
