@@ -24,7 +24,6 @@ from reobserve.estimation.output_columns import Outputs, outputs
 from reobserve.estimation.specification import Specification
 from reobserve.estimation.start_up import start_up
 from reobserve.estimation.timestamps import Timestamps
-from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_filter import KEPT
 from reobserve.observers.gaussian_state import VagueStartWarning
 from reobserve.observers.run import Run
@@ -294,7 +293,7 @@ def _concatenated(parts: list[Estimated]) -> Estimated:
     return Estimated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _whole(observer: Observer[Any]) -> Callable[[Array, Array, Any], Run[Any]]:
+def _whole(observer: Any) -> Callable[[Array, Array, Any], Run[Any]]:
     """Runs of an observer whose estimates are smoothed."""
     from reobserve.observers.smoother import rts_smoother
 

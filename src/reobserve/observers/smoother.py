@@ -129,7 +129,7 @@ def _smoothed(run: Run[Any], lag: int | None) -> dict[str, Array]:
     return {name: values for name, values in named if values is not None}
 
 
-def _predicted(run: Run[Any], means: Array, covariances: Array) -> tuple[Any, ...]:
+def _predicted(run: Run[Any], means: Array, covariances: Array) -> tuple[Any, Any, Any, Any, Any]:
     """What leads from each row to the next one, as `_smooth` takes it first."""
     k, (filter, model, inputs) = len(means), run.source  # noqa: A001
     if isinstance(model, ModelRows):
@@ -168,8 +168,8 @@ class SmootherWork(NamedTuple):
 
 @kernel
 def _smooth(
-    next_means: Array, transitions: Array | None, noises: Array | None, spreads: Array | None,
-    crosses: Array | None, first: int, means: Array, covariances: Array, periods: Array,
+    next_means: Array, transitions: Array | None, noises: Any, spreads: Array | None,
+    crosses: Any, first: int, means: Array, covariances: Array, periods: Array,
     work: SmootherWork,
 ) -> int:  # fmt: skip
     """Smooth filtered means and covariances in place, and return the row that fails, or -1.
@@ -346,8 +346,8 @@ def _smooth_row(mean: Array, covariance: Array, work: SmootherWork) -> float:
 
 @kernel
 def _smooth_late(
-    lag: int, next_means: Array, transitions: Array | None, noises: Array | None,
-    spreads: Array | None, crosses: Array | None, means: Array, covariances: Array,
+    lag: int, next_means: Array, transitions: Array | None, noises: Any,
+    spreads: Array | None, crosses: Any, means: Array, covariances: Array,
     late_means: Array, late_covariances: Array, some: Array, of_some: Array, periods: Array,
     work: SmootherWork,
 ) -> int:  # fmt: skip
