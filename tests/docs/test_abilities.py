@@ -232,7 +232,7 @@ TRIES: dict[str, tuple[Try, str]] = {
     "nan": (try_nan, r"y: sample 0 is .*, must be finite"),
     "noise": (try_noise, r"[QR]: is not taken by \w+"),
     "model": (try_model, r"(A|parameters): is not taken by \w+"),
-    "smoother": (try_smoother, r"filter: \w+.* must be a Kalman filter, extended or unscented"),
+    "smoother": (try_smoother, r"run: .* must be one of a Kalman filter, extended or unscented"),
     "covariance": (try_covariance, r"estimate: there is no 'covariance'"),
     "predicted": (try_predicted, r"keep: is not taken by \w+"),
     "gain": (try_gain, r"keep: is not taken by \w+"),

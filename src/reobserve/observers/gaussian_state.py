@@ -125,7 +125,7 @@ class InRecord(NamedTuple):
 
 
 class Source(NamedTuple):
-    """What the smoother reads of a record: filter, model by row, inputs from the row before on."""
+    """Parts of a run that the smoother reads: filter, model by row, inputs from the row before."""
 
     filter: Any
     model: Any

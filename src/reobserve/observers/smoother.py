@@ -130,7 +130,7 @@ def _smoothed(run: Run[Any], lag: int | None) -> dict[str, Array]:
 
 
 def _predicted(run: Run[Any], means: Array, covariances: Array) -> tuple[Any, Any, Any, Any, Any]:
-    """What leads from each row to the next one, as `_smooth` takes it first."""
+    """Predictions from each row to the next one, as `_smooth` takes them first."""
     k, (filter, model, inputs) = len(means), run.source  # noqa: A001
     if isinstance(model, ModelRows):
         # x(k+1|k) = A x(k|k) + B u(k)
