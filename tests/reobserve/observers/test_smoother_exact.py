@@ -149,6 +149,7 @@ def test_states_that_grow_without_noise_are_smoothed(growth: float, coupled: boo
 @settings(max_examples=4)
 @given(seed=st.integers(0, 2**32 - 1))
 @example(seed=0)
+@example(seed=2288)
 def test_drawn_models_with_singular_noise_are_smoothed(seed: int) -> None:
     rng = np.random.default_rng(seed)
     n, m = int(rng.integers(1, 5)), int(rng.integers(1, 3))
@@ -165,7 +166,9 @@ def test_drawn_models_with_singular_noise_are_smoothed(seed: int) -> None:
     with mp.workdps(60):
         means, covariances = smoothed(model, filtered(model, 10.0, y))
         floor = 1e-8 * run["variance"]
-        assert max(errors(found, means, covariances, floor)) < 1e-4
+        off, share = errors(found, means, covariances, floor)
+    assert off < 1e-5
+    assert share < 0.03  # what decays to the rounding of P has a part in 256 of error
 
 
 def pendulum(kind: Any, **options: Any) -> Any:
