@@ -20,9 +20,9 @@ from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.observers.augmented_kalman import CROSS
 from reobserve.observers.gaussian_state import FilterRows
-from reobserve.observers.kalman import assign, assign_matrix, blocks, fill, shortest, transpose
+from reobserve.observers.kalman import assign, assign_matrix, blocks, fill, shortest
 from reobserve.observers.run import Run
-from reobserve.systems.linear import ModelRows
+from reobserve.systems.linear import ModelArrays
 from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
@@ -132,7 +132,7 @@ def _smoothed(run: Run[Any], lag: int | None) -> dict[str, Array]:
 def _predicted(run: Run[Any], means: Array, covariances: Array) -> tuple[Any, Any, Any, Any, Any]:
     """Predictions from each row to the next one, as `_smooth` takes them first."""
     k, (filter, model, inputs) = len(means), run.source  # noqa: A001
-    if isinstance(model, ModelRows):
+    if isinstance(model, ModelArrays):
         # x(k+1|k) = A x(k|k) + B u(k)
         A, B = (each[1:k] if len(each) > 2 else each[-1:] for each in (model.A, model.B))
         moved = A @ means[:-1, :, None] + B @ inputs[1:k, :, None]
@@ -189,7 +189,10 @@ def _smooth(
         k = first + row
         if transitions is not None:
             if back == 0 or len(transitions) > 1:
-                transpose(transitions[min(k + 1, len(transitions) - 1)], work.transposed, False)
+                A = transitions[min(k + 1, len(transitions) - 1)]
+                for a in range(n):
+                    for b in range(n):
+                        work.transposed[b, a] = A[a, b]
             if back == 0 or len(noises) > 1:
                 _take_rows(noises[min(k + 1, len(noises) - 1)], work.noise, work.rest)
             _stack_roots(covariances[row], work)
