@@ -371,10 +371,12 @@ class Observer(Value, ABC, Generic[StateKind]):
         if off.size and off.max() > _UNEVEN * self.sampling_period:
             row = int(np.argmax(off > _UNEVEN * self.sampling_period)) + (last is None)
             before = last if row == 0 else times[row - 1]
+            counted = getattr(self, "noise_memory", None) is not None
+            hint = ", which noise_memory counts" if counted else self._uneven_hint
             raise InputError(
                 "time",
                 f"goes from {before:.9g} to {times[row]:.9g} s at row {row}, must go "
-                f"on by the sampling period of {self.sampling_period:g} s{self._uneven_hint}",
+                f"on by the sampling period of {self.sampling_period:g} s{hint}",
             )
         return times.copy(), record._replace(time=times)
 

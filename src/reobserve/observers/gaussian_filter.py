@@ -23,7 +23,7 @@ from reobserve.core.covariances import as_covariance
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_floats, as_positive, as_row, as_samples, as_vector
-from reobserve.core.value import for_loop, read_only
+from reobserve.core.value import read_only
 from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_state import (
     Correction,
@@ -35,6 +35,7 @@ from reobserve.observers.gaussian_state import (
     PredictedRows,
     Rules,
     Source,
+    as_held,
     check_held,
     check_noise,
     check_noise_memory,
@@ -48,6 +49,7 @@ from reobserve.observers.gaussian_state import (
     sample_before,
     warn_of_start,
     warn_of_starts,
+    without_correlation,
 )
 from reobserve.observers.many_records import in_threads, part
 from reobserve.observers.one_row import OneRow, is_plain
@@ -311,16 +313,12 @@ class GaussianFilter(Observer[KalmanState]):
         model, inputs, _ = self.steps.in_record(
             self, {}, np.empty((1, m)), np.array([[control, control]]), {}, None
         )
-        mean, covariances, work = np.empty((1, n)), np.empty((2, 1, n, n)), self._work()
-        with RaisedAfterLoop():
-            good = self.steps.predict(
-                model, self.method, inputs[0], for_loop(posterior.mean)[None],
-                for_loop(posterior.covariance)[None], mean, *covariances, work,
-            )  # fmt: skip
-        if not good:
-            cause = int(work.cause[0]) if hasattr(work, "cause") else 0
-            raise DivergenceError(type(self).__name__, 0.0, self.steps.causes.get(cause, ""))
-        return Gaussian(mean[0], covariances[0, 0], posterior.error)
+        after = posteriors_of([KalmanState(posterior, noise=self._start_noise)], n, m)
+        nothing = np.full((1, 1, m), np.nan)
+        _, _, ends = self._filtered(model, inputs, nothing, False, after)
+        if not ends[0, 0]:
+            raise DivergenceError(type(self).__name__, 0.0, self.steps.causes.get(ends[0, 1], ""))
+        return Gaussian(after.means[0], after.covariances[0], posterior.error)
 
     def correct(self, posterior: Gaussian, y: ArrayLike, u: ArrayLike = ()) -> Correction:
         """Measurement update of a predicted posterior (Gadsden et al. 2011, (13) to (19)).
@@ -527,7 +525,7 @@ class GaussianFilter(Observer[KalmanState]):
             y.append(record.y)
             inputs.append(inputs_of_rows(state.sample, record))
         alone = len(records) == 1
-        model, known, held = self.steps.in_record(
+        model, known, last = self.steps.in_record(
             self, given, first_record.y, inputs[0][None] if alone else np.array(inputs),
             first.held or {}, first_record.periods,
         )  # fmt: skip
@@ -544,11 +542,13 @@ class GaussianFilter(Observer[KalmanState]):
                 warn_of_start(starts[0], P[0, :good], S[0, :good])
             else:
                 warn_of_starts(starts, P, ends[:, 0], S)
+        held = as_held(last, model.correlation)
         reached_states, findings, sources, causes = [], [], [], self.steps.causes
         if "functions" in model._fields:  # which the filter has, and which may have no pickle
             model = model._replace(functions=None)
         for r, cause in enumerate(ends[:, 1].tolist()):
-            sources.append(Source(self, model, known[r]) if self.has_kalman_gain else None)
+            read = without_correlation(model, known[r])
+            sources.append(Source(self, *read) if self.has_kalman_gain else None)
             reached_states.append(reached(after, r, states[r], records[r], held, self._sizes))
             findings.append(causes[cause] if cause else "")
         return Batch(

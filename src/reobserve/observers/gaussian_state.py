@@ -117,11 +117,14 @@ def periods_of(mode: ModeFilter) -> tuple[Array, Array]:
 
 
 class InRecord(NamedTuple):
-    """A record as the loops read it: the model by row, inputs with the one before, and ``held``."""
+    """A record as the loops read it: the model by row, inputs with the one before, and its end.
+
+    ``last`` is what was given by row and leads on from the record, by name, but for that of S.
+    """
 
     model: Any
     inputs: Array
-    held: Matrices | None
+    last: Matrices
 
 
 class Source(NamedTuple):
@@ -136,24 +139,36 @@ class FilterSteps(NamedTuple):
     """The compiled loops of filters on one kind of model.
 
     ``in_record`` finds the model of each row, ``run`` is the loop over records, ``predict`` that
-    over rows for the smoother; ``work`` makes the scratch of both, and ``causes`` say why they
-    stop.
+    over rows for the smoother, None where it reads matrices; ``work`` makes the scratch of both,
+    and ``causes`` say why they stop.
     """
 
     model: type
     in_record: Callable[..., InRecord]
     run: Callable[..., None]
-    predict: Callable[..., int]
+    predict: Any
     work: Callable[..., Any]
     causes: Mapping[int, str]
 
 
-class TakenOut(NamedTuple):
-    """Parts that S takes out of the steps that lead to rows: J C, J S' and J (y - D u), by row."""
+class Correlation(NamedTuple):
+    """S by row and filter, of no row where the row before alone had it, and what it takes out.
 
+    ``transition``, ``noise`` and ``known`` are J C, J S' and J e(k|k) of the steps that lead to
+    rows, (k + 1, r, ...), with r = 1 for a filter that is no bank; ``A``, ``Q`` and ``shift``
+    become A - J C, Q - J S' and J (y - D u) of these steps.
+    """
+
+    S: Array
     transition: Array
     noise: Array
     known: Array
+    A: Array
+    Q: Array
+    shift: Array
+
+
+TAKEN = ("transition", "noise", "known")
 
 
 class FilterRows(NamedTuple):
@@ -219,9 +234,24 @@ def side_by_side(left: Array, right: Array) -> Array:
     return joined
 
 
-def as_held(last: Matrices) -> Matrices | None:
-    """Copies of what leads on from a record, which would else keep all its rows alive."""
+def as_held(last: Matrices, correlation: Correlation | None, j: int = 0) -> Matrices | None:
+    """Copies of what leads on from a record, of filter j, as views would keep all rows alive."""
+    if correlation is not None and len(correlation.S):
+        last = {**last, **{name: getattr(correlation, name)[-1, j] for name in TAKEN}}
     return {name: read_only(array.copy()) for name, array in last.items()} or None
+
+
+def without_correlation(model: Any, inputs: Array) -> tuple[Any, Array]:
+    """The model of a run by row with what S took out of its steps, and inputs with J (y - D u)."""
+    one = model.correlation
+    if one is None:
+        return model, inputs
+    if not hasattr(model, "A"):  # the loop that predicts takes J C out of df/dx
+        return model._replace(Q=one.Q[:, 0].copy()), inputs
+    # x = (A - J C) x + [B I] [u; J (y - D u)]
+    B = side_by_side(model.B, np.eye(one.A.shape[-1]))
+    model = model._replace(A=one.A[:, 0], B=B, Q=one.Q[:, 0], correlation=None)
+    return model, side_by_side(inputs, one.shift[:, 0])
 
 
 def inputs_of_rows(sample: Array | None, record: Record) -> Array:
@@ -263,12 +293,12 @@ def check_held(held: Any, observer: Any, name: str = "start.held") -> Matrices |
     shapes = {"A": square, "B": (n, p), "Q": square, "parameters": (len(values),), "dt": (1,)}
     shapes = {each: shape for each, shape in shapes.items() if each in observer.takes}
     if "S" in observer.takes:
-        shapes |= dict(zip(TakenOut._fields, (square, square, (n,)), strict=True))
-    taken_out = set(TakenOut._fields)
+        shapes |= dict(zip(TAKEN, (square, square, (n,)), strict=True))
+    taken_out = {*TAKEN}
     if not isinstance(held, Mapping) or not held.keys() <= shapes.keys():
         raise InputError(name, f"{shown(held)} must be matrices by name: {', '.join(shapes)}")
     if held.keys() & taken_out and not held.keys() >= taken_out:
-        raise InputError(name, f"must have all of {', '.join(TakenOut._fields)}, or none")
+        raise InputError(name, f"must have all of {', '.join(TAKEN)}, or none")
     matrices = {}
     for key, value in held.items():
         matrices[key] = array = as_numbers(f"{name}.{key}", value, writable=False)
@@ -309,10 +339,7 @@ LEAST = 0.1  # of the variance of an innovation: the estimate then takes a hundr
 
 
 def refuse_given(observer: Any, given: Mapping[str, Any]) -> None:
-    """Refuse what cannot be given to a filter that has a gate or estimates R."""
-    if observer.gate is not None and "S" in given:
-        problem = "must be left out with a gate: by S a rejected measurement moves the next state"
-        raise InputError("S", problem)
+    """Refuse what cannot be given to a filter that estimates R, or takes out S."""
     if "S" in given and hasattr(observer, "whole"):  # J = S R^-1
         R = as_numbers("R", given.get("R", observer.whole.R))
         as_covariances("R", R, observer.measurements, len(np.atleast_1d(R)), definite=True)
@@ -320,7 +347,6 @@ def refuse_given(observer: Any, given: Mapping[str, Any]) -> None:
         return
     for name, why in (
         ("R", "noise_memory says that it is estimated"),
-        ("S", "it would be that of another R than the one that noise_memory estimates"),
         ("dt", "noise_memory counts sampling periods"),
     ):
         if name in given:

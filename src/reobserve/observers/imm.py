@@ -46,10 +46,12 @@ from reobserve.observers.contract import Observer, OnDivergence
 from reobserve.observers.gaussian_filter import GaussianFilter, uneven_times
 from reobserve.observers.gaussian_state import (
     Correction,
+    Correlation,
     Gaussian,
     Matrices,
     ModeFilter,
     Rules,
+    as_held,
     check_held,
     check_noise,
     check_sample,
@@ -70,14 +72,15 @@ from reobserve.observers.kalman import (
     is_missing,
     new_linear_work,
     output_error,
-    predict,
+    predict_row,
     shortest,
+    take_out,
     weight_of_row,
 )
 from reobserve.observers.one_row import OneRow, is_plain
 from reobserve.observers.record import Record, Rows, check_state
 from reobserve.observers.run import AxisNames, Estimate, Run, names_by_model
-from reobserve.systems.linear import ModelArrays
+from reobserve.systems.linear import ModelArrays, ModelRows
 from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
@@ -134,7 +137,7 @@ class Posteriors(NamedTuple):
 class Bank(NamedTuple):
     """Matrices of all filters by row, (., r, ...), their parameters, p_ij, and the bank's gate."""
 
-    model: ModelArrays
+    model: ModelRows
     parameters: Array
     transition: Array
     mixing: bool
@@ -286,18 +289,19 @@ def interact(transition: Array, mixing: bool, posteriors: Posteriors, work: Bank
 
 @inlined_kernel
 def predict_modes(
-    model: ModelArrays, k: int, controls: Array, posteriors: Posteriors, work: BankWork
-) -> None:
+    model: ModelRows, correlation: Correlation | None, k: int, controls: Array,
+    posteriors: Posteriors, work: BankWork,
+) -> None:  # fmt: skip
     """Time update of all filters to row k, (11) and (12)."""
     A, B = model.A[min(k, len(model.A) - 1)], model.B[min(k, len(model.B) - 1)]
     Q, mixed = model.Q[min(k, len(model.Q) - 1)], work.mixed
     # mu_j = c_j,   x_j = A_j x0_j + B_j u,   P_j = A_j P0_j A_j' + Q_j
     assign(posteriors.log_probabilities, mixed.log_probabilities)
     for j in range(len(A)):
-        predict(
-            A[j], B[j], Q[j], controls[min(j, len(controls) - 1)], mixed.means[j],
-            mixed.covariances[j], posteriors.means[j], posteriors.covariances[j], work.of_filter,
-            work.of_filter.panel,
+        predict_row(
+            A[j], B[j], Q[j], correlation, k, j, controls[min(j, len(controls) - 1)],
+            posteriors.means[j], mixed.means[j], mixed.covariances[j], posteriors.means[j],
+            posteriors.covariances[j], work.of_filter,
         )  # fmt: skip
 
 
@@ -360,8 +364,9 @@ def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> fl
 
 @inlined_kernel
 def correct_modes(
-    bank: Bank, k: int, function: Callable[..., None] | None, measurement: Array, controls: Array,
-    posteriors: Posteriors, innovations: Array, outliers: Array, work: BankWork,
+    bank: Bank, correlation: Correlation | None, k: int, function: Callable[..., None] | None,
+    measurement: Array, controls: Array, posteriors: Posteriors, innovations: Array,
+    outliers: Array, work: BankWork,
 ) -> float:  # fmt: skip
     """Measurement update of all filters and of the modes, (13) to (21).
 
@@ -388,6 +393,11 @@ def correct_modes(
                 posteriors.covariances[j], posteriors.errors[j], innovations[j], work.of_filter,
             )  # fmt: skip
             assign(work.changes[j], work.of_filter.change)
+        if correlation is not None and len(correlation.S) > 0:
+            take_out(
+                correlation, k, j, C[j], R[j], posteriors.noise, innovations[j],
+                posteriors.errors[j], work.of_filter,
+            )  # fmt: skip
     # mu_j = L_j c_j / c,   c = sum_j L_j c_j
     whole = update_probabilities(posteriors.log_probabilities, log_likelihoods)
     if missing:
@@ -444,11 +454,11 @@ def run_bank(
         if k > 0 or not fresh:
             # mu(i|j), x0_j, P0_j, then x_j(k|k-1), P_j(k|k-1)
             interact(bank.transition, bank.mixing, posteriors, work)
-            predict_modes(bank.model, k, inputs[k], posteriors, work)
+            predict_modes(bank.model, bank.model.correlation, k, inputs[k], posteriors, work)
         # x_j(k|k), P_j(k|k), mu_j, then x(k|k), P(k|k)
         rows.log_likelihood[k] = correct_modes(
-            bank, k, function, measurements[k], inputs[k + 1], posteriors, rows.innovation[k],
-            rows.outlier[min(k, len(rows.outlier) - 1)], work,
+            bank, bank.model.correlation, k, function, measurements[k], inputs[k + 1], posteriors,
+            rows.innovation[k], rows.outlier[min(k, len(rows.outlier) - 1)], work,
         )  # fmt: skip
         assign(rows.noise_variance[min(k, len(rows.noise_variance) - 1)], posteriors.noise)
         if not combine(posteriors, k, rows, work):
@@ -607,11 +617,12 @@ class IMM(Observer[ImmState]):
         start
             From `init`, or from an earlier run or step to go on with the row after its last.
         time
-            Of the rows [s], shape (k,), or dates; left out, a sampling period apart. Of models from
-            `from_ode` with a density of the noise any that rise, else a sampling period apart.
+            Of the rows [s], shape (k,), or dates; left out, a sampling period apart. Of filters on
+            linear models from `from_ode` with a density of the noise any that rise; of other banks,
+            `FaultBank` and `GridFilter`, and with a ``noise_memory`` a sampling period apart.
         A, B, C, D, Q, R, S
             Of a bank of filters on linear models, as `KalmanFilter.run` has them, for all modes;
-            or one for each row and mode, (k, r, ., .).
+            or one for each row and mode, (k, r, ., .). `FaultBank` and `GridFilter` take R alone.
         on_divergence
             ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
 
@@ -775,6 +786,10 @@ class IMM(Observer[ImmState]):
         )
         return uneven_times(self.filters[0].model, time, state, record) if able else None
 
+    @property
+    def _uneven_hint(self) -> str:
+        return "; of banks those of filters on linear models with a density take other times"
+
     def _fill(self, state: ImmState, record: Record) -> Rows:
         (r, n, _, m), k = self._sizes, len(record.y)
         posteriors = Posteriors(
@@ -785,7 +800,7 @@ class IMM(Observer[ImmState]):
         )  # fmt: skip
         (inputs, past), fresh = self._inputs(state, record), state.sample is None
         gated, learned = self.gate is not None, self.noise_memory is not None
-        rows, held = new_bank_rows(k, r, n, m, gated, learned), None
+        rows, held, last = new_bank_rows(k, r, n, m, gated, learned), None, None
         if record.given:
             refuse_given(self, record.given)
         why = ""
@@ -797,7 +812,7 @@ class IMM(Observer[ImmState]):
         else:
             model = self._model
             if record.given or state.held is not None or record.periods is not None:
-                model, inputs, held = self._in_record(state, record, inputs)
+                model, last = self._in_record(state, record, inputs)
             with RaisedAfterLoop():
                 good = run_bank(
                     Bank(
@@ -816,6 +831,9 @@ class IMM(Observer[ImmState]):
             del estimates["outlier"]
         if not learned:
             del estimates["noise_variance"]
+        if last is not None:
+            held = tuple(as_held(each, model.correlation, j) or {} for j, each in enumerate(last))
+            held = held if any(held) else None
         reached = self._state(
             *posteriors[:4], np.concatenate([record.y[-1], record.u[-1]]),
             state.count + k - fresh, held,
@@ -897,32 +915,32 @@ class IMM(Observer[ImmState]):
 
     def _in_record(
         self, state: ImmState, record: Record, inputs: Array
-    ) -> tuple[ModelArrays, Array, tuple[Matrices, ...] | None]:
-        """The models of all modes by row, (., r, ...), their inputs, and what the state holds."""
-        rows = []
+    ) -> tuple[ModelRows, list[Matrices]]:
+        """The models of all modes by row, (., r, ...), and what leads on from the record."""
+        rows, k = [], len(record.y)
         for j, kf in enumerate(self._linear):
-            given = {name: self._of_mode(name, value, j) for name, value in record.given.items()}
+            given = {name: self._of_mode(name, value, j, k) for name, value in record.given.items()}
             for name in given:
                 if name not in kf.takes:
                     problem = f"is not taken by {type(kf).__name__}, which is a filter of the bank"
                     raise InputError(name, problem)
             refuse_given(kf, given)
             before = {} if state.held is None else state.held[j] or {}
-            shared = inputs[None, :, 0]
-            rows.append(kf.steps.in_record(kf, given, record.y, shared, before, record.periods))
-        model = ModelArrays(
-            *(
-                np.stack(np.broadcast_arrays(*matrices), axis=1)
-                for matrices in zip(*(row.model for row in rows), strict=True)
-            )
-        )
-        held = tuple(row.held or {} for row in rows)
-        stacked = np.stack([row.inputs[0] for row in rows], axis=1)
-        return model, stacked, held if any(held) else None
+            rows.append(kf.steps.in_record(kf, given, record.y, inputs, before, record.periods))
+        parts = zip(*(row.model[:6] for row in rows), strict=True)
+        model = ModelRows(*(np.stack(np.broadcast_arrays(*every), axis=1) for every in parts))
+        correlations = [row.model.correlation for row in rows]
+        if correlations[0] is not None:
+            parts = zip(*correlations, strict=True)
+            whole = (np.concatenate(np.broadcast_arrays(*every), axis=1) for every in parts)
+            model = model._replace(correlation=Correlation(*whole))
+        return model, [row.last for row in rows]
 
-    def _of_mode(self, name: str, value: Any, mode: int) -> Any:
-        """The values given for one mode: for all of them, or (k, r, ., .)."""
+    def _of_mode(self, name: str, value: Any, mode: int, rows: int) -> Any:
+        """The values given for one mode: for all of them, or (k, r, ., .), of a step (r, ., .)."""
         matrices = as_floats(name, value)
+        if matrices.ndim == 3 and rows == 1 and len(matrices) == len(self.filters):
+            return matrices[mode]
         if matrices.ndim < 4:
             return matrices
         if matrices.shape[1] != len(self.filters):
@@ -952,10 +970,10 @@ class IMM(Observer[ImmState]):
         return self._linear[0].method.function
 
     @cached_property
-    def _model(self) -> ModelArrays:
+    def _model(self) -> ModelRows:
         """The matrices of all modes, (1, r, ...)."""
         arrays = zip(*(mode.model.arrays for mode in self._linear), strict=True)
-        return ModelArrays(*(np.array([matrices]) for matrices in arrays))
+        return ModelRows(*(np.array([matrices]) for matrices in arrays))
 
     @cached_property
     def _parameters(self) -> Array:

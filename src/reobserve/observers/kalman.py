@@ -27,6 +27,8 @@ from reobserve.observers.contract import OnDivergence
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import (
     REMEDY,
+    TAKEN,
+    Correlation,
     FilterPosteriors,
     FilterRows,
     FilterSteps,
@@ -34,12 +36,9 @@ from reobserve.observers.gaussian_state import (
     KalmanState,
     PredictedRows,
     Rules,
-    TakenOut,
-    as_held,
-    side_by_side,
 )
 from reobserve.observers.run import Estimate, Run
-from reobserve.systems.linear import LinearModel, ModelArrays, as_matrices
+from reobserve.systems.linear import LinearModel, ModelArrays, ModelRows, as_matrices
 
 Array = NDArray[np.float64]
 
@@ -62,6 +61,7 @@ LARGE = 12  # states from which loops along rows are faster: `benchmarks.large_m
 
 HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 BEGUN = 20.0  # rows that the R of the model counts as, where it is estimated
+ROUNDING = 1e-12  # of a variance: how far below zero a pivot may be
 _ROUNDING = 1e-10  # of a correlation: how far below zero an eigenvalue may be
 
 # Why a filter stopped, and what is said of it.
@@ -619,70 +619,166 @@ def write_innovation_covariance(innovation: Array, out: Array, work: LinearWork)
             out[o, q] = out[q, o] = total
 
 
-def uncorrelated(
-    matrices: Mapping[str, Array], S: ArrayLike | None, y: Array, inputs: Array,
-    before: Sequence[Array], open_end: bool,
-) -> tuple[dict[str, Array], TakenOut]:  # fmt: skip
-    """A model without S, and what is taken out of it, (k + 1, ...).
+@inlined_kernel
+def take_root(covariance: Array, root: Array) -> bool:
+    """Write the lower Cholesky factor L of P = L L', or return False for a negative eigenvalue.
+
+    Where P is singular a column of L is zero.
+    """
+    n = len(covariance)
+    for j in range(n):
+        for i in range(j):
+            root[i, j] = 0.0
+        # L_jj^2 = P_jj - sum_(i<j) L_ji^2
+        pivot = covariance[j, j]
+        for i in range(j):
+            pivot -= root[j, i] * root[j, i]
+        bound = ROUNDING * covariance[j, j]
+        if not pivot >= -bound:  # nan, too
+            return False
+        singular = pivot <= 1e-4 * bound
+        root[j, j] = 0.0 if singular else math.sqrt(pivot)
+        # L_kj = (P_kj - sum_(i<j) L_ki L_ji) / L_jj
+        for k in range(j + 1, n):
+            total = covariance[k, j]
+            for i in range(j):
+                total -= root[k, i] * root[j, i]
+            root[k, j] = 0.0 if singular else total / root[j, j]
+    return True
+
+
+@inlined_kernel
+def solve_by_root(root: Array, cross: Array, gain: Array) -> None:
+    """Solve G P = C by the factor L of P = L L'. C and G may be the same array.
+
+    Where P is singular C is, too, and G is zero there.
+    """
+    n = len(root)
+    for a in range(len(cross)):
+        # Z L' = C
+        for i in range(n):
+            total = cross[a, i]
+            for j in range(i):
+                total -= root[i, j] * gain[a, j]
+            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
+        # G L = Z
+        for last in range(n):
+            i = n - 1 - last
+            total = gain[a, i]
+            for j in range(i + 1, n):
+                total -= root[j, i] * gain[a, j]
+            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
+
+
+@inlined_kernel
+def take_out(
+    correlation: Correlation, k: int, j: int, C: Array, R: Array, variances: Array,
+    innovation: Array, error: Array, work: LinearWork,
+) -> None:  # fmt: skip
+    """Write J C, J S' and J e(k|k) of the step from row k to the next one, of filter j.
 
         x(k+1) = A x(k) + B u(k) + w(k),  y(k) = C x(k) + D u(k) + v(k),  E[w v'] = S
 
     With J = S R^-1 the noise w - J v is not correlated with v, and v is y - C x - D u:
 
         x(k+1) = (A - J C) x(k) + B u(k) + J (y(k) - D u(k)) + [w - J v]
-        cov(w - J v) = Q - J S'
+        cov(w - J v) = Q - J S',    J (y - D u) = J (e(k|k) + C x(k|k))
 
-    What of a row was not measured tells nothing of w: its columns of S and rows of R are left out.
-
-    Parameters
-    ----------
-    matrices
-        Matrices by name, as `reobserve.systems.linear.LinearModel.by_row` finds them.
-    S
-        Shape (n, m), or (k, n, m). That of a row drives the step to the next one. None if the noise
-        of this record is not correlated.
-    y
-        Measurements, shape (k, m); nan where one is missing.
-    inputs
-        That of the row before the record, then that of each row, shape (k + 1, p).
-    before
-        The last of what was taken out of the record before; empty if nothing was.
-    open_end
-        Whether the step from the last row is not known yet.
-
-    Raises
-    ------
-    InputError
-        If S has another shape, or is more than Q and R allow.
+    R is ``work.noise``, which corrected the row; where it is estimated S keeps its correlations.
+    An output of which the innovation is nan corrected nothing, and tells nothing of w.
     """
-    rows, n, m = len(y), matrices["A"].shape[1], y.shape[1]
-    transition, noise = np.zeros((2, rows + 1, n, n))
-    taken = TakenOut(transition, noise, np.zeros((rows + 1, n)))
-    every = np.arange(rows + 1)
-    A, Q = (matrices[name][np.minimum(every, len(matrices[name]) - 1)] for name in "AQ")
-    for part, first in zip(taken, before, strict=False):
-        part[0] = first
-    if len(before):
+    gain, cross, factor, estimated = work.gain, work.cross, work.factor, work.rules.forgetting > 0.0
+    S = correlation.S[min(k, len(correlation.S) - 1), j]
+    transition, noise = correlation.transition[k + 1, j], correlation.noise[k + 1, j]
+    n, m = len(work.states), len(work.outputs)
+    # S_ao = S_ao sqrt(v_o / R_oo)
+    for o in range(m):
+        left = math.isnan(innovation[o])
+        for q in range(m):
+            none = left or math.isnan(innovation[q])
+            factor[o, q] = 0.0 if none else work.noise[o, q]
+        scale = math.sqrt(variances[o] / R[o, o]) if estimated else 1.0
+        for a in range(n):
+            cross[a, o] = 0.0 if left else S[a, o] * scale
+    # J = S R^-1
+    take_root(factor, factor)
+    solve_by_root(factor, cross, gain)
+    for a in range(n):
+        known = 0.0
+        for o in range(m):
+            known += 0.0 if math.isnan(innovation[o]) else gain[a, o] * error[o]
+        correlation.known[k + 1, j, a] = known
+        for b in range(n):
+            effect, spread = 0.0, 0.0
+            for o in range(m):
+                effect += gain[a, o] * C[o, b]
+                spread += gain[a, o] * cross[b, o]
+            transition[a, b] = effect
+            if b <= a:
+                noise[a, b] = noise[b, a] = spread
+
+
+@inlined_kernel
+def predict_row(
+    A: Array, B: Array, Q: Array, correlation: Correlation | None, k: int, j: int, control: Array,
+    own: Array, mean: Array, covariance: Array, next_mean: Array, next_covariance: Array,
+    work: LinearWork,
+) -> None:  # fmt: skip
+    """Time update to row k of filter j, whose own mean is ``own`` and may be mixed to ``mean``."""
+    if correlation is None:
+        predict(A, B, Q, control, mean, covariance, next_mean, next_covariance, work, work.panel)
+    else:
+        transition, periods = correlation.transition[k, j], work.rules.state_periods
+        less, rest, shift = correlation.A[k, j], correlation.Q[k, j], correlation.shift[k, j]
+        # x = (A - J C) x + B u + J (e(k|k) + C x(k|k)), P = (A - J C) P (A - J C)' + Q - J S'
+        for a in range(len(A)):
+            shift[a] = correlation.known[k, j, a]
+            for b in range(len(A)):
+                less[a, b] = A[a, b] - transition[a, b]
+                rest[a, b] = Q[a, b] - correlation.noise[k, j, a, b]
+                x = mean[b] + shortest(own[b] - mean[b], periods[b])
+                shift[a] += transition[a, b] * x
+        predict(
+            less, B, rest, control, mean, covariance, next_mean, next_covariance, work,
+            work.panel,
+        )  # fmt: skip
+        for a in range(len(A)):
+            next_mean[a] += shift[a]
+        wrap_states(next_mean, work)
+
+
+def correlation_of(
+    S: ArrayLike | None, Q: Array, R: Array, rows: int, held: Mapping[str, Array], open_end: bool
+) -> Correlation | None:
+    """Arrays that loops read and write of S, (n, m) or (k, n, m), in a record of k rows.
+
+    None without it, and if nothing of it is ``held`` from the row before, from which on Q is. With
+    an ``open_end`` the step from the last row is not known yet.
+    """
+    if S is None and "noise" not in held:
+        return None
+    n, m = Q.shape[1], R.shape[1]
+    (transition, noise, A, less), (known, shift) = (
+        np.zeros((count, rows + 1, 1, *shape)) for count, shape in ((4, (n, n)), (2, (n,)))
+    )
+    if "noise" in held:
+        transition[0], noise[0], known[0] = (held[name] for name in TAKEN)
         # In units of the noise, so that what is allowed does not depend on those of the states.
         sizes = np.sqrt(Q[0].diagonal())
         sizes[sizes == 0.0] = 1.0
-        left = (Q[0] - taken.noise[0]) / np.outer(sizes, sizes)
+        left = (Q[0] - held["noise"]) / np.outer(sizes, sizes)
         if np.linalg.eigvalsh(left)[0] < -_ROUNDING:
             raise InputError("S", "of the row before is more than Q of this step and R allow")
+    crosses = np.zeros((0, n, m))
     if S is not None:
         crosses = as_matrices("S", S, (n, m), rows)
-        _check(Q[1 : rows + (not open_end)], matrices["R"], crosses)
-        model = ModelArrays(*(np.ascontiguousarray(matrices[name]) for name in ModelArrays._fields))
-        _take_out(
-            model, crosses, y, np.ascontiguousarray(inputs), taken, np.empty(m),
-            new_linear_work(n, m),
-        )  # fmt: skip
-    return {**matrices, "A": A - taken.transition, "Q": Q - taken.noise}, taken
+        _check(Q[1 : rows + (not open_end)] if len(Q) > 1 else Q, R, crosses)
+    return Correlation(crosses[:, None], transition, noise, known, A, less, shift)
 
 
 def _check(Q: Array, R: Array, S: Array) -> None:
-    """Refuse an S for which noise of this Q and R cannot exist."""
-    count, n = len(Q), S.shape[1]
+    """Refuse an S for which noise of this Q and R cannot exist, each (1, ., .) or by row."""
+    n, count = S.shape[1], max(map(len, (Q, R, S))) if len(Q) == 1 else len(Q)
     joint = np.zeros((count, n + S.shape[2], n + S.shape[2]))
     joint[:, :n, :n], joint[:, n:, n:] = Q, R[:count]
     joint[:, :n, n:], joint[:, n:, :n] = S[:count], S[:count].transpose(0, 2, 1)
@@ -695,50 +791,6 @@ def _check(Q: Array, R: Array, S: Array) -> None:
         raise InputError("S", problem)
 
 
-@inlined_kernel
-def _noise_gain(S: Array, R: Array, left: Array, work: LinearWork) -> None:
-    """Write J to ``work.gain``, and S to ``work.cross`` without what was not measured."""
-    # J = S R^-1
-    assign_matrix(work.factor, R)
-    factor_innovation(left, work.factor, work)
-    for a in range(S.shape[0]):
-        for o in range(S.shape[1]):
-            work.cross[a, o] = 0.0 if math.isnan(left[o]) else S[a, o]
-    kalman_gain(work)
-
-
-@kernel
-def _take_out(
-    model: ModelArrays, S: Array, y: Array, inputs: Array, taken: TakenOut, left: Array,
-    work: LinearWork,
-) -> None:  # fmt: skip
-    """Write J C, J S' and J (y - D u) of the step from each row to the next one."""
-    n, m = S.shape[1], S.shape[2]
-    cross, gain = work.cross, work.gain
-    for k in range(len(y)):
-        C, D = model.C[min(k, len(model.C) - 1)], model.D[min(k, len(model.D) - 1)]
-        # y - D u
-        for o in range(m):
-            left[o] = y[k, o]
-            for p in range(D.shape[1]):
-                left[o] -= D[o, p] * inputs[k + 1, p]
-        _noise_gain(S[min(k, len(S) - 1)], model.R[min(k, len(model.R) - 1)], left, work)
-        for a in range(n):
-            # J (y - D u)
-            for o in range(m):
-                if not math.isnan(left[o]):
-                    taken.known[k + 1, a] += gain[a, o] * left[o]
-            # J C,   J S'
-            for b in range(n):
-                total, spread = 0.0, 0.0
-                for o in range(m):
-                    total += gain[a, o] * C[o, b]
-                    spread += gain[a, o] * cross[b, o]
-                taken.transition[k + 1, a, b] = total
-                if b <= a:
-                    taken.noise[k + 1, a, b] = taken.noise[k + 1, b, a] = spread
-
-
 def linear_in_record(
     filter: GaussianFilter,  # noqa: A002
     given: Mapping[str, Any],
@@ -747,33 +799,23 @@ def linear_in_record(
     held: Mapping[str, Array],
     periods: Array | None,
 ) -> InRecord:
-    """The matrices of each row, and inputs with the known part of correlated noise behind them.
+    """The matrices of each row, and what of them leads on from the record.
 
     Raises
     ------
     InputError
         If a matrix that is given has another shape, or is no covariance.
     """
-    model: LinearModel = filter.whole
-    if ("S" in given or "noise" in held) and model.output_periods is not None:
-        problem = "must be left out where outputs have periods: it is of y - C x, which then jumps"
-        raise InputError("S", problem)
+    model, names = filter.whole, ModelArrays._fields
     if not given and not held and periods is None:
-        return InRecord(model.rows, inputs, None)
-    matrices = {name: given[name] for name in given if name in ModelArrays._fields}
+        return InRecord(model.rows, inputs, {})
+    matrices = {name: given[name] for name in given if name in names}
     rows = model.by_row(matrices, len(y), held, periods)
     after = {name: rows[name][-1] for name in ("A", "B", "Q") if name in given}
-    before = [held[name] for name in TakenOut._fields if name in held]
-    if "S" in given or before:
-        open_end = periods is not None and "Q" not in given
-        rows, taken = uncorrelated(rows, given.get("S"), y, inputs[0], before, open_end)
-        if "S" in given:
-            after |= {name: part[-1] for name, part in taken._asdict().items()}
-        # x = A x + [B I] [u; J (y - D u)]
-        rows["B"] = side_by_side(rows["B"], np.eye(model.states))
-        inputs = side_by_side(inputs, taken.known)
-    matrices = {name: np.ascontiguousarray(matrix) for name, matrix in rows.items()}
-    return InRecord(ModelArrays(**matrices), inputs, as_held(after))
+    open_end = periods is not None and "Q" not in given
+    correlation = correlation_of(given.get("S"), rows["Q"], rows["R"], len(y), held, open_end)
+    matrices = {name: np.ascontiguousarray(rows[name]) for name in names}
+    return InRecord(ModelRows(**matrices, correlation=correlation), inputs, after)
 
 
 @inlined_kernel
@@ -832,7 +874,7 @@ def keep_noise(
 
 @kernel
 def run_linear(
-    model: ModelArrays,
+    model: ModelRows,
     gain: Gain,
     measurements: Array,
     inputs: Array,
@@ -860,28 +902,29 @@ def run_linear(
             last = min(count, due - r * count)
             # x(k|k-1), P(k|k-1), then x(k|k), P(k|k)
             _run_rows(
-                model, gain, measurements, inputs, fresh, posteriors, rows, kept, work, ends, r,
-                first, last,
+                model, model.correlation, gain, measurements, inputs, fresh, posteriors, rows,
+                kept, work, ends, r, first, last,
             )  # fmt: skip
             first = last
 
 
 @inlined_kernel
 def _run_rows(
-    model: ModelArrays, gain: Gain, measurements: Array, inputs: Array, fresh: bool,
-    posteriors: FilterPosteriors, rows: FilterRows, kept: PredictedRows | None, work: LinearWork,
-    ends: NDArray[np.int64], r: int, first: int, last: int,
+    model: ModelRows, correlation: Correlation | None, gain: Gain, measurements: Array,
+    inputs: Array, fresh: bool, posteriors: FilterPosteriors, rows: FilterRows,
+    kept: PredictedRows | None, work: LinearWork, ends: NDArray[np.int64], r: int, first: int,
+    last: int,
 ) -> None:  # fmt: skip
     """Filter the rows of a record from ``first`` to before ``last``."""
-    A, B, C, D, Q, R = model
+    A, B, C, D, Q, R = model[:6]
     mean, covariance, error = posteriors.means[r], posteriors.covariances[r], posteriors.errors[r]
     for k in range(first, last):
         y, innovation = measurements[r, k], rows.innovation[r, k]
         # x = A x + B u, P = A P A' + Q
         if k > 0 or not fresh:
-            predict(
-                A[min(k, len(A) - 1)], B[min(k, len(B) - 1)], Q[min(k, len(Q) - 1)],
-                inputs[r, k], mean, covariance, mean, covariance, work, work.panel,
+            predict_row(
+                A[min(k, len(A) - 1)], B[min(k, len(B) - 1)], Q[min(k, len(Q) - 1)], correlation,
+                k, 0, inputs[r, k], mean, mean, covariance, mean, covariance, work,
             )  # fmt: skip
         if kept is not None:
             keep_prediction(mean, covariance, kept, r, k)
@@ -903,47 +946,19 @@ def _run_rows(
                 ends[r, 1] = NEGATIVE if below_zero(covariance, work) else NO_INNOVATION
             if kept is not None:
                 assign_matrix(kept.gain[r, k], work.gain)
+        total = keep_row(mean, covariance, innovation, work, rows, r, k)
+        if correlation is not None and len(correlation.S) > 0:
+            take_out(
+                correlation, k, 0, C[min(k, len(C) - 1)], R[min(k, len(R) - 1)],
+                posteriors.noises[r], innovation, error, work,
+            )  # fmt: skip
         keep_noise(posteriors, not missing, rows, r, k, work)
-        if not math.isfinite(keep_row(mean, covariance, innovation, work, rows, r, k)):
+        if not math.isfinite(total):
             break
         ends[r, 0] = k + 1
 
 
-@kernel
-def predict_linear(
-    model: ModelArrays, gain: Gain, inputs: Array, means: Array, covariances: Array,
-    next_means: Array, next_covariances: Array, crosses: Array, work: LinearWork,
-) -> int:  # fmt: skip
-    """Predict from each row to the next one, and return how many rows could be.
-
-    ``crosses`` become the cross-covariances of x(k) and x(k+1), shape (k, n, n).
-    """
-    n = next_means.shape[1]
-    due = FIRST
-    for k in range(len(next_means)):
-        if k >= due:
-            due = poll(k)
-        # x = A x + B u, P = A P A' + Q
-        A = model.A[min(k + 1, len(model.A) - 1)]
-        B, Q = model.B[min(k + 1, len(model.B) - 1)], model.Q[min(k + 1, len(model.Q) - 1)]
-        predict(
-            A, B, Q, inputs[k + 1], means[k], covariances[k], next_means[k], next_covariances[k],
-            work, work.panel,
-        )  # fmt: skip
-        # cov(x(k), x(k+1)) = P A' = (A P)'
-        total = 0.0
-        for a in range(n):
-            total += next_means[k, a] + next_covariances[k, a, a]
-            for b in range(n):
-                crosses[k, a, b] = work.square[b, a]
-        if not math.isfinite(total):
-            return k
-    return len(next_means)
-
-
-LINEAR = FilterSteps(
-    LinearModel, linear_in_record, run_linear, predict_linear, new_linear_work, CAUSES
-)
+LINEAR = FilterSteps(LinearModel, linear_in_record, run_linear, None, new_linear_work, CAUSES)
 TAKES = ("A", "B", "C", "D", "Q", "R", "keep")
 
 
@@ -1001,13 +1016,15 @@ class LinearFilter(GaussianFilter):
             From `init`, or from an earlier run or step to go on with the row after its last.
         time
             Of the rows [s], shape (k,), or dates; left out, a sampling period apart. Of a model
-            from `from_ode` with a density of the noise any that rise, else a sampling period apart.
+            from `from_ode` with a density of the noise any that rise, but for augmented filters and
+            with a ``noise_memory``, else a sampling period apart.
         A, B, C, D, Q, R
             In place of the model's, for this record: one for all rows, or one for each, (k, ., .).
             Those of row k in A, B and Q lead from row k to row k + 1; C, D and R are the row's own.
         S
-            E[w v'], shape (n, m) or (k, n, m), of a filter with Kalman's gain and no ``gate``: the
-            covariance of the process noise from a row on with that row's measurement noise.
+            E[w v'], shape (n, m) or (k, n, m), of a filter with Kalman's gain: the covariance of
+            the process noise from a row on with that row's measurement noise. Where R is estimated
+            its correlations are kept.
         keep
             Names of what else the run shall hold: ``predicted_state``, (k, n), and
             ``predicted_covariance``, (k, n, n), before each measurement, and ``gain``, (k, n, m).

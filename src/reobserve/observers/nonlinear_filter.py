@@ -27,6 +27,7 @@ from reobserve.core.value import for_loop
 from reobserve.observers.contract import OnDivergence
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import (
+    Correlation,
     FilterPosteriors,
     FilterRows,
     FilterSteps,
@@ -34,7 +35,6 @@ from reobserve.observers.gaussian_state import (
     KalmanState,
     PredictedRows,
     Rules,
-    as_held,
     side_by_side,
 )
 from reobserve.observers.kalman import CAUSES as LINEAR_CAUSES
@@ -50,6 +50,7 @@ from reobserve.observers.kalman import (
     clip_variances,
     correct_covariance,
     correct_mean,
+    correlation_of,
     factor_innovation,
     fill,
     gate,
@@ -64,6 +65,9 @@ from reobserve.observers.kalman import (
     new_linear_work,
     noise_of_row,
     shortest,
+    solve_by_root,
+    take_out,
+    take_root,
     weight_of_row,
 )
 from reobserve.observers.run import Estimate, Run
@@ -82,7 +86,6 @@ from reobserve.systems.nonlinear_flow import (
 
 Array = NDArray[np.float64]
 
-ROUNDING = 1e-12  # of a variance: how far below zero a pivot may be
 LONGER = 1e-3  # of a sampling period: how much longer the time to a row may be
 MOST_PARTS = 10_000_000  # predictions in a gap, a second or more
 
@@ -144,14 +147,23 @@ def innovate(y: Array, expected: Array, innovation: Array, work: FilterWork) -> 
 
 @inlined_kernel
 def predict_extended(
-    functions: Functions, steps: Any, k: int, Q: Array, u: Array, mean: Array, covariance: Array,
-    next_covariance: Array, work: FilterWork, panel: Array | None,
+    functions: Functions, correlation: Correlation | None, steps: Any, k: int, Q: Array, u: Array,
+    mean: Array, covariance: Array, next_covariance: Array, work: FilterWork,
+    panel: Array | None,
 ) -> None:  # fmt: skip
     """Write f(x, u) to ``work.moved``, the covariance, and cov(x(k-1), x(k)) to ``work.cross``."""
     # x = f(x, u), A = df/dx
     write_sizes(functions.numeric_f, functions.scale, mean, covariance, work.flow.sizes)
     move_and_derive(functions, steps, k, mean, u, work.moved, work.flow)
     A, cross, n = work.flow.A, work.cross, len(work.linear.states)
+    if correlation is not None:
+        # x = f(x, u) + J e(k|k), A = df/dx - J C, and Q - J S' in place of Q
+        for a in range(n):
+            work.moved[a] += correlation.known[k, 0, a]
+            for b in range(n):
+                A[a, b] -= correlation.transition[k, 0, a, b]
+                correlation.Q[k, 0, a, b] = Q[a, b] - correlation.noise[k, 0, a, b]
+        Q = correlation.Q[k, 0]
     if panel is None:
         # cov(x(k-1), x(k)) = P A'
         for a in range(n):
@@ -174,6 +186,23 @@ def predict_extended(
         # P = Q + A (P A')
         write_product(A, cross, False, Q, next_covariance, True, panel)
         mirror(next_covariance)
+
+
+@inlined_kernel
+def take_out_extended(
+    functions: Functions, correlation: Correlation, k: int, R: Array, variances: Array, y: Array,
+    u: Array, mean: Array, covariance: Array, innovation: Array, work: FilterWork,
+) -> None:  # fmt: skip
+    """Write what S takes out of the step from row k to the next one, as `take_out`."""
+    linear, flow, error = work.linear, work.flow, work.linear.column
+    # C = dh/dx, e(k|k) = y - h(x, u)
+    write_sizes(functions.numeric_h, functions.scale, mean, covariance, flow.sizes)
+    jacobian(functions.h, functions.H, functions.numeric_h, mean, u, flow.C_flat, flow)
+    expected = flow.values[0, : len(y)]
+    call(functions.h, (mean, u, expected))
+    fill(error, math.nan)
+    innovate(y, expected, error, work)
+    take_out(correlation, k, 0, flow.C, R, variances, innovation, error, linear)
 
 
 @inlined_kernel
@@ -227,34 +256,6 @@ class Approximation(NamedTuple):
 
     weights: Weights | None
     extended: bool | None
-
-
-@inlined_kernel
-def take_root(covariance: Array, root: Array) -> bool:
-    """Write the lower Cholesky factor L of P = L L', or return False for a negative eigenvalue.
-
-    Where P is singular a column of L is zero.
-    """
-    n = len(covariance)
-    for j in range(n):
-        for i in range(j):
-            root[i, j] = 0.0
-        # L_jj^2 = P_jj - sum_(i<j) L_ji^2
-        pivot = covariance[j, j]
-        for i in range(j):
-            pivot -= root[j, i] * root[j, i]
-        bound = ROUNDING * covariance[j, j]
-        if not pivot >= -bound:  # nan, too
-            return False
-        singular = pivot <= 1e-4 * bound
-        root[j, j] = 0.0 if singular else math.sqrt(pivot)
-        # L_kj = (P_kj - sum_(i<j) L_ki L_ji) / L_jj
-        for k in range(j + 1, n):
-            total = covariance[k, j]
-            for i in range(j):
-                total -= root[k, i] * root[j, i]
-            root[k, j] = 0.0 if singular else total / root[j, j]
-    return True
 
 
 @inlined_kernel
@@ -424,29 +425,6 @@ def correct_unscented(
 
 
 @inlined_kernel
-def solve_by_root(root: Array, cross: Array, gain: Array) -> None:
-    """Solve G P = C by the factor L of P = L L'. C and G may be the same array.
-
-    Where P is singular C is, too, and G is zero there.
-    """
-    n = len(root)
-    for a in range(n):
-        # Z L' = C
-        for i in range(n):
-            total = cross[a, i]
-            for j in range(i):
-                total -= root[i, j] * gain[a, j]
-            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
-        # G L = Z
-        for last in range(n):
-            i = n - 1 - last
-            total = gain[a, i]
-            for j in range(i + 1, n):
-                total -= root[j, i] * gain[a, j]
-            gain[a, i] = total / root[i, i] if root[i, i] > 0.0 else 0.0
-
-
-@inlined_kernel
 def extend_cross(weights: Weights | None, extended: bool | None, work: FilterWork) -> None:
     """Write cov(x, x(k)) to ``work.cross``, from cov(x, x(k-1)), which is ``work.before``."""
     before, column, n = work.before, work.flow.point, len(work.before)
@@ -473,8 +451,9 @@ def extend_cross(weights: Weights | None, extended: bool | None, work: FilterWor
 
 @inlined_kernel
 def predict(
-    model: NonlinearRows, weights: Weights | None, extended: bool | None, k: int, u: Array,
-    mean: Array, covariance: Array, next_mean: Array, next_covariance: Array, work: FilterWork,
+    model: NonlinearRows, correlation: Correlation | None, weights: Weights | None,
+    extended: bool | None, k: int, u: Array, mean: Array, covariance: Array, next_mean: Array,
+    next_covariance: Array, work: FilterWork,
 ) -> bool:  # fmt: skip
     """Time update to row k, in which what is read and what is written may be the same arrays.
 
@@ -490,8 +469,8 @@ def predict(
         # x = f(x, u), P = A P A' + Q, or those of sigma points
         if extended is not None:
             predict_extended(
-                functions, steps, k, noise, u, mean, covariance, next_covariance, work,
-                work.linear.panel,
+                functions, correlation, steps, k, noise, u, mean, covariance, next_covariance,
+                work, work.linear.panel,
             )  # fmt: skip
         if weights is not None and not predict_unscented(
             functions, weights, steps, k, noise, u, mean, covariance, next_covariance, work
@@ -633,9 +612,17 @@ def nonlinear_in_record(
         after["parameters"] = values[-1]
     if "dt" in given and periods is not None:
         after["dt"] = periods[-1:]
+    correlation = correlation_of(
+        given.get("S"), fields["Q"], fields["R"], len(y), held,
+        open_end=periods is not None and "Q" not in given,
+    )  # fmt: skip
+    if correlation is not None and fields["parts"].max() > 1:
+        problem = "must be left out where rows are more than a sampling period apart: its noise is"
+        raise InputError("S", f"{problem} of one prediction")
     if values.size:
         inputs = side_by_side(inputs, values)
-    return InRecord(NonlinearRows(filter.functions, **fields), inputs, as_held(after))
+    rows = NonlinearRows(filter.functions, **fields, correlation=correlation)
+    return InRecord(rows, inputs, after)
 
 
 @kernel
@@ -669,18 +656,18 @@ def run_nonlinear(
             last = min(count, due - r * count)
             # x(k|k-1), P(k|k-1), then x(k|k), P(k|k)
             _run_rows(
-                model, method.weights, method.extended, measurements, inputs, fresh, posteriors,
-                rows, kept, work, ends, r, first, last,
+                model, model.correlation, method.weights, method.extended, measurements, inputs,
+                fresh, posteriors, rows, kept, work, ends, r, first, last,
             )  # fmt: skip
             first = last
 
 
 @inlined_kernel
 def _run_rows(
-    model: NonlinearRows, weights: Weights | None, extended: bool | None, measurements: Array,
-    inputs: Array, fresh: bool, posteriors: FilterPosteriors, rows: FilterRows,
-    kept: PredictedRows | None, work: FilterWork, ends: NDArray[np.int64], r: int, first: int,
-    last: int,
+    model: NonlinearRows, correlation: Correlation | None, weights: Weights | None,
+    extended: bool | None, measurements: Array, inputs: Array, fresh: bool,
+    posteriors: FilterPosteriors, rows: FilterRows, kept: PredictedRows | None, work: FilterWork,
+    ends: NDArray[np.int64], r: int, first: int, last: int,
 ) -> None:  # fmt: skip
     """Filter the rows of a record from ``first`` to before ``last``."""
     mean, covariance = posteriors.means[r], posteriors.covariances[r]
@@ -688,8 +675,9 @@ def _run_rows(
         y, innovation = measurements[r, k], rows.innovation[r, k]
         # x = f(x, u), P = A P A' + Q, or that of sigma points
         if (k > 0 or not fresh) and not predict(
-            model, weights, extended, k, inputs[r, k], mean, covariance, mean, covariance, work
-        ):
+            model, correlation, weights, extended, k, inputs[r, k], mean, covariance, mean,
+            covariance, work,
+        ):  # fmt: skip
             ends[r, 1] = work.cause[0]
             break
         if kept is not None:
@@ -711,8 +699,13 @@ def _run_rows(
                 break
             if kept is not None:
                 assign_matrix(kept.gain[r, k], work.linear.gain)
-        keep_noise(posteriors, not missing, rows, r, k, work.linear)
         keep_row(mean, covariance, innovation, work.linear, rows, r, k)
+        if correlation is not None and len(correlation.S) > 0:
+            take_out_extended(
+                model.functions, correlation, k, model.R[min(k, len(model.R) - 1)],
+                posteriors.noises[r], y, inputs[r, k + 1], mean, covariance, innovation, work,
+            )  # fmt: skip
+        keep_noise(posteriors, not missing, rows, r, k, work.linear)
         ends[r, 0] = k + 1
 
 
@@ -733,8 +726,8 @@ def predict_nonlinear(
             due = poll(k)
         # x(k+1|k), P(k+1|k), cov(x(k), x(k+1))
         if not predict(
-            model, method.weights, method.extended, k + 1, inputs[k + 1], means[k], covariances[k],
-            next_means[k], next_covariances[k], work,
+            model, model.correlation, method.weights, method.extended, k + 1, inputs[k + 1],
+            means[k], covariances[k], next_means[k], next_covariances[k], work,
         ):  # fmt: skip
             return k
         for a in range(len(work.cross)):
@@ -761,7 +754,8 @@ class NonlinearFilter(GaussianFilter):
     def step(
         self, start: KalmanState, y: ArrayLike, u: ArrayLike | None = None, *,
         time: float | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
-        parameters: Mapping[str, ArrayLike] | None = None, dt: float | None = None,
+        S: ArrayLike | None = None, parameters: Mapping[str, ArrayLike] | None = None,
+        dt: float | None = None,
         keep: str | Sequence[str] | None = None,
     ) -> tuple[KalmanState, Estimate]:  # fmt: skip
         """Take one row: the start of the next one, and the estimates at it.
@@ -772,7 +766,7 @@ class NonlinearFilter(GaussianFilter):
         ----------
         start
             From `init`, or from the row before.
-        y, u, time, Q, R, parameters, dt, keep
+        y, u, time, Q, R, S, parameters, dt, keep
             As those of `run`, without the axis of rows.
 
         Raises
@@ -782,13 +776,14 @@ class NonlinearFilter(GaussianFilter):
         DivergenceError
             As `run`.
         """
-        given = {"Q": Q, "R": R, "parameters": parameters, "dt": dt, "keep": keep}
+        given = {"Q": Q, "R": R, "S": S, "parameters": parameters, "dt": dt, "keep": keep}
         return self._step_given(start, y, u, time, given)
 
     def run(
         self, y: ArrayLike, u: ArrayLike | None = None, *, start: KalmanState | None = None,
         time: ArrayLike | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
-        parameters: Mapping[str, ArrayLike] | None = None, dt: ArrayLike | None = None,
+        S: ArrayLike | None = None, parameters: Mapping[str, ArrayLike] | None = None,
+        dt: ArrayLike | None = None,
         keep: str | Sequence[str] | None = None, on_divergence: OnDivergence = "raise",
     ) -> Run[KalmanState]:  # fmt: skip
         """Estimates at all rows of a record, by one compiled loop.
@@ -803,10 +798,14 @@ class NonlinearFilter(GaussianFilter):
             From `init`, or from an earlier run or step to go on with the row after its last.
         time
             Of the rows [s], shape (k,), or dates; left out, a sampling period apart. Of a model
-            from `from_ode` with a density of the noise any that rise, else a sampling period apart.
+            from `from_ode` with a density of the noise any that rise, but with a ``noise_memory``,
+            else a sampling period apart.
         Q, R
             In place of the model's, for this record: one for all rows, or one for each, (k, ., .).
             Q of row k leads from row k to row k + 1.
+        S
+            E[w v'], as `KalmanFilter.run` has it, of an extended filter, whose prediction becomes
+            f(x, u) + J e(k|k), with J = S R^-1. Rows are then a sampling period apart or less.
         parameters
             Values of the model's parameters by name, numbers or (k,).
         dt
@@ -841,7 +840,7 @@ class NonlinearFilter(GaussianFilter):
         >>> print(run["state_angle"][-1].round(3))
         0.244
         """
-        given = {"Q": Q, "R": R, "parameters": parameters, "dt": dt, "keep": keep}
+        given = {"Q": Q, "R": R, "S": S, "parameters": parameters, "dt": dt, "keep": keep}
         return self._run_given(y, u, start, time, on_divergence, given)
 
 
@@ -889,6 +888,7 @@ class ExtendedKalmanFilter(NonlinearFilter):
     model: NonlinearModel
 
     method = Approximation(None, extended=True)
+    takes: ClassVar[tuple[str, ...]] = (*TAKES, "S")
 
     @property
     def functions(self) -> Functions:

@@ -17,8 +17,8 @@ from reobserve.core.loop_function import RaisedAfterLoop
 from reobserve.core.matrices import as_scalar
 from reobserve.observers.dataframes import read_frames
 from reobserve.observers.gaussian_state import inputs_of_rows
-from reobserve.observers.kalman import KalmanFilter, assign, shortest
-from reobserve.observers.nonlinear_filter import UnscentedKalmanFilter, take_root
+from reobserve.observers.kalman import KalmanFilter, assign, shortest, take_root
+from reobserve.observers.nonlinear_filter import UnscentedKalmanFilter
 from reobserve.observers.run import Run
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.nonlinear import NonlinearModel

@@ -22,7 +22,7 @@ from reobserve.observers.augmented_kalman import CROSS
 from reobserve.observers.gaussian_state import FilterRows
 from reobserve.observers.kalman import assign, assign_matrix, blocks, fill, shortest
 from reobserve.observers.run import Run
-from reobserve.systems.linear import ModelArrays
+from reobserve.systems.linear import ModelRows
 from reobserve.systems.periods import wrapped
 
 Array = NDArray[np.float64]
@@ -132,7 +132,7 @@ def _smoothed(run: Run[Any], lag: int | None) -> dict[str, Array]:
 def _predicted(run: Run[Any], means: Array, covariances: Array) -> tuple[Any, Any, Any, Any, Any]:
     """Predictions from each row to the next one, as `_smooth` takes them first."""
     k, (filter, model, inputs) = len(means), run.source  # noqa: A001
-    if isinstance(model, ModelArrays):
+    if isinstance(model, ModelRows):
         # x(k+1|k) = A x(k|k) + B u(k)
         A, B = (each[1:k] if len(each) > 2 else each[-1:] for each in (model.A, model.B))
         moved = A @ means[:-1, :, None] + B @ inputs[1:k, :, None]

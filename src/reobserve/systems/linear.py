@@ -22,6 +22,18 @@ from reobserve.systems.signal_names import as_names
 Array = NDArray[np.float64]
 
 
+class ModelRows(NamedTuple):
+    """The matrices of a model by row, (., n, n) and so on, the last one for later rows."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    Q: Array
+    R: Array
+    correlation: Any = None  # what loops read and write of S, None without it
+
+
 class Ode(NamedTuple):
     """Matrices of x' = A x + B u and the spectral density of its noise, None if that is unknown."""
 
@@ -31,10 +43,7 @@ class Ode(NamedTuple):
 
 
 class ModelArrays(NamedTuple):
-    """The matrices of a model as compiled loops read them: (n, n) and so on.
-
-    By row they are (., n, n), and the last one is that of all later rows.
-    """
+    """The matrices of a model as compiled loops read them."""
 
     A: Array
     B: Array
@@ -227,9 +236,9 @@ class LinearModel(Value):
         return ModelArrays(*map(for_loop, (self.A, self.B, self.C, self.D, self.Q, self.R)))
 
     @cached_property
-    def rows(self) -> ModelArrays:
+    def rows(self) -> ModelRows:
         """The matrices, the same for all rows."""
-        return ModelArrays(*(matrix[None] for matrix in self.arrays))
+        return ModelRows(*(matrix[None] for matrix in self.arrays))
 
     @property
     def continuous(self) -> bool:

@@ -46,7 +46,7 @@ class NonlinearRows(NamedTuple):
     ``steps`` are the lengths [s] of the Runge-Kutta steps that lead to each row, None where f is
     the next state. ``parts``, (., 2), are how many predictions lead to the row, and in how many of
     them, the last ones, Q is added. Q, (., n, n), leads to the row, R, (., m, m), is its own. The
-    last of each holds for all later rows.
+    last of each holds for all later rows. ``correlation`` is that of `ModelRows`.
     """
 
     functions: Functions
@@ -54,6 +54,7 @@ class NonlinearRows(NamedTuple):
     parts: NDArray[np.int64]
     Q: Array
     R: Array
+    correlation: Any = None
 
 
 class FlowWork(NamedTuple):

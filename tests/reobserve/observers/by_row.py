@@ -34,6 +34,7 @@ MODEL = LinearModel(
     Q=[0.2, 0.1, 0.3], R=0.1, sampling_period=0.1,
 )  # fmt: skip
 OTHER = LinearModel(0.8 * MODEL.A, MODEL.B, MODEL.C, MODEL.D, Q=0.5, R=0.2, sampling_period=0.1)
+SLOW = LinearModel(MODEL.A, MODEL.B, MODEL.C, MODEL.D, Q=0.01, R=0.1, sampling_period=0.1)
 SPRING = LinearModel.from_ode(
     [[0.0, 1.0], [-2.0, -0.4]], [[0.0, 0.0], [1.0, 0.3]], np.eye(2), [[0.0, 0.1], [0.2, 0.0]],
     R=0.05, density=[[0.2, 0.05], [0.05, 0.3]], sampling_period=0.1,
@@ -132,16 +133,29 @@ GIVEN: dict[str, Callable[[], Given]] = {
     "Kalman with S alone": lambda: Given(KalmanFilter(MODEL), {"S": np.full((ROWS, 3, 2), 0.02)}),
     "augmented": lambda: Given(augmented(), {**all_but("S"), "keep": KEEP}),
     "augmented with S": lambda: Given(augmented(), random_rows()),
+    "Kalman with S and a gate": lambda: Given(KalmanFilter(MODEL, gate=1.0), random_rows()),
+    "augmented with S, inflating": lambda: Given(
+        augmented(gate=1.0, outliers="inflate"), random_rows()
+    ),
+    "Kalman with S, R estimated": lambda: Given(
+        KalmanFilter(SLOW, noise_memory=1.0), {"S": np.full((ROWS, 3, 2), 0.002)}
+    ),
     "SVSF": lambda: Given(svsf(), all_but("C", "S")),
     "fixed gain": lambda: Given(steady_kalman(MODEL), all_but("S")),
     "IMM": lambda: Given(kalman_bank(), all_but("S")),
     "IMM, uneven": lambda: Given(spring_bank(), {"time": TIMES}, (0.3, -0.2)),
     "IMM by mode": lambda: Given(kalman_bank(), by_mode()),
     "IMM with S": lambda: Given(kalman_bank(), random_rows()),
+    "IMM by mode with S and a gate": lambda: Given(
+        IMM(kalman_bank().filters, kalman_bank().transition, gate=1.0), by_mode()
+    ),
     "IMM of SVSFs": lambda: Given(bank(svsf(), svsf(OTHER)), all_but("C", "S")),
     "EKF": lambda: nonlinear(ExtendedKalmanFilter, parameters=STIFFNESS, dt=LENGTHS, keep=KEEP),
     "UKF": lambda: nonlinear(UnscentedKalmanFilter, parameters=STIFFNESS, dt=LENGTHS, keep=KEEP),
     "EKF with Q and R": lambda: nonlinear(ExtendedKalmanFilter, **POSITIVE),
+    "EKF with S": lambda: nonlinear(
+        ExtendedKalmanFilter, **POSITIVE, S=0.3 * random_rows()["S"][:, :2], parameters=STIFFNESS
+    ),
     "UKF with Q and dt": lambda: nonlinear(UnscentedKalmanFilter, **POSITIVE, dt=LENGTHS),
     "Kalman, uneven": lambda: Given(KalmanFilter(SPRING), {"time": TIMES}, (0.3, -0.2)),
     "EKF, uneven": lambda: nonlinear(ExtendedKalmanFilter, time=TIMES),

@@ -192,9 +192,7 @@ def test_first_row_is_within_half_a_period_and_banks_do_not_depend_on_their_orde
     assert found[0]["variance"][0, 0] == pytest.approx(5 + 1e-6 * 180**2, rel=1e-3)
 
 
-def test_correlated_noise_with_angles_and_banks_of_different_periods_are_refused() -> None:
+def test_banks_of_different_periods_are_refused() -> None:
     observer = KalmanFilter(compass(output_periods=[360]))
-    with pytest.raises(InputError, match="S: must be left out where outputs have periods"):
-        observer.run(COMPASS, start=observer.init([30, 0], 1.0), S=[[0.0], [0.1]])
     with pytest.raises(InputError, match=r"filters\[1\]: has other periods"):
         IMM([observer, KalmanFilter(compass())], [[0.9, 0.1], [0.1, 0.9]])

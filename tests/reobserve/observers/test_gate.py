@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import product
-from typing import Any
-
 import numpy as np
 import pytest
 
 from reobserve import (
     IMM,
-    AugmentedKalmanFilter,
     ExtendedKalmanFilter,
     KalmanFilter,
     LinearModel,
@@ -109,33 +104,6 @@ def test_steps_and_many_records_give_what_a_run_gives() -> None:
     many = gated.run(np.array([SPOILT, Y]), start=gated.init([0, 0], 1))
     assert many.outliers.tolist() == [3, 0]
     assert np.array_equal(many["state"][0], run["state"])
-
-
-CROSS = [[1e-5, 0.0], [0.0, 1e-5]]
-WITH_S: dict[str, Callable[..., Any]] = {
-    "kalman": lambda **rules: KalmanFilter(MODEL, **rules),
-    "augmented": lambda **rules: AugmentedKalmanFilter(
-        MODEL, fault_matrix=[[0], [1]], random_walk=1e-6, **rules
-    ),
-    "bank": lambda **rules: IMM([KalmanFilter(MODEL)] * 2, [[0.9, 0.1], [0.1, 0.9]], **rules),
-}
-GIVEN: dict[str, Callable[..., Any]] = {
-    "run": lambda one, state: one.run(Y[:5], start=state, S=CROSS),
-    "by row": lambda one, state: one.run(Y[:5], start=state, S=np.array([CROSS] * 5)),
-    "step": lambda one, state: one.step(state, Y[0], S=CROSS),
-    "many": lambda one, state: one.run(np.array([Y[:5]] * 2), start=state, S=CROSS),
-}
-
-
-@pytest.mark.parametrize(("name", "way"), list(product(WITH_S, GIVEN)))
-def test_correlated_noise_is_refused_with_a_gate(name: str, way: str) -> None:
-    make, give = WITH_S[name], GIVEN[way]
-    plain = make()
-    give(plain, plain.init([0, 0], 1))
-    for outliers in ({}, {"outliers": "inflate"}) if name != "bank" else ({},):
-        gated = make(gate=6, **outliers)
-        with pytest.raises(InputError, match=r"^S: must be left out with a gate: "):
-            give(gated, gated.init([0, 0], 1))
 
 
 def test_gates_that_are_none_are_refused() -> None:

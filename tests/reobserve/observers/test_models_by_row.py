@@ -161,6 +161,16 @@ def test_a_step_takes_matrices_without_the_axis_of_rows() -> None:
         assert not differing(remembered(plain), remembered(state))
 
 
+def test_a_step_of_a_bank_takes_matrices_of_each_mode_without_the_axis_of_rows() -> None:
+    one, (y, u) = GIVEN["IMM by mode"](), record()
+    found = wanted = one.state
+    for k in range(3):
+        now = {name: rows[k] for name, rows in one.given.items()}
+        found, estimate = one.observer.step(found, y[k], u[k], **now)
+        wanted, exact = one.observer.step(wanted, y[k], u[k], **part(one.given, slice(k, k + 1)))
+        assert not differing(estimate.estimates, exact.estimates)
+
+
 # --- Constant matrices by row -------------------------------------------------------------------
 
 

@@ -261,8 +261,9 @@ def test_other_sizes_noise_and_matrices_by_row_compile_nothing() -> None:
         one.run(rng.normal(size=(4, 1)), [0.0] * 4, start=one.init([0.0], 1.0), **given)
 
     small, large = kalman.UNROLLED, kalman.UNROLLED + 1
-    linear(small, 1, 1, False, 1)
-    linear(large, 1, 1, False, 1)
+    for n in (small, large):
+        for by_row in (False, True):  # with noise that is correlated the loops are compiled again
+            linear(n, 1, 1, by_row, 1)
     kinds: Any = ExtendedKalmanFilter, UnscentedKalmanFilter
     for kind in kinds:
         nonlinear(kind, 1.0, 0.1, False)

@@ -16,11 +16,8 @@ from reobserve.codegen.programs.rules import FilterRules
 from reobserve.core.errors import InputError
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import KalmanState
-from reobserve.observers.nonlinear_filter import (
-    ROUNDING,
-    ExtendedKalmanFilter,
-    UnscentedKalmanFilter,
-)
+from reobserve.observers.kalman import ROUNDING
+from reobserve.observers.nonlinear_filter import ExtendedKalmanFilter, UnscentedKalmanFilter
 from reobserve.systems.nonlinear import NonlinearModel
 
 Array = NDArray[np.float64]
