@@ -68,6 +68,11 @@ ABILITIES = {
         "model by row", "`run(..., A=, B=, ...)` of linear models, `parameters=` of nonlinear ones",
         lambda kind: bool({"A", "parameters"} & {*kind.takes}),
     ),
+    "uneven": Ability(
+        "uneven times", "`run(..., time=)`: rows any time apart, of models with a density of the "
+        "noise, without `noise_memory`",
+        lambda kind: kind.reads_missing and kind.__name__ not in REASONS["uneven"],
+    ),
     "smoother": Ability(
         "smoother", "`rts_smoother(run)`: each row from the whole record",
         lambda kind: getattr(kind, "has_kalman_gain", False),
@@ -112,14 +117,20 @@ REASONS: Mapping[str, Mapping[str, str]] = {
     },
     "noise": {
         MOST: "Its gains do not follow from covariances of noise.",
-        "FaultBank": "Its filters are made once, of the models of their modes.",
-        "GridFilter": "Its filters are made once, of the models of their modes.",
+        "FaultBank": "It takes R alone; Q is that of the models of its modes.",
+        "GridFilter": "It takes R alone; Q is that of the models of its modes.",
     },
     "model": {
         MOST: "Its gains, and what is proved of them, are those of one model.",
         "LevantDifferentiator": "It has no model.",
         "FaultBank": "Its filters are made once, of the models of their modes.",
         "GridFilter": "Its filters are made once, of the models of their modes.",
+    },
+    "uneven": {
+        MOST: "Its gains, and what is proved of them, are those of one sampling period.",
+        "AugmentedKalmanFilter": "Its unknown inputs walk from sample to sample.",
+        "FaultBank": "Its modes change from sample to sample.",
+        "GridFilter": "Its chain is that of a sampling period.",
     },
     "smoother": {
         MOST: "It has no covariance.",

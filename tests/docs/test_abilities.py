@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from docs.generate.abilities import ABILITIES, REASONS, families, observers, reason
-from reobserve import IMM, FaultBank, rts_smoother
+from reobserve import IMM, FaultBank, LinearModel, rts_smoother
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.estimation.families import FAMILIES, family
@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 Try = Callable[[Case], Any]
 
 ROWS = 30
+TIMES = np.arange(ROWS) + (np.arange(ROWS) > 5)  # in sampling periods
 KEEP = ["predicted_state", "predicted_covariance", "gain"]
 
 
@@ -105,6 +106,37 @@ def try_model(case: Case) -> None:
         equals_other_model(case, A=0.98 * model.A)
     else:
         equals_other_model(case, parameters={**model.parameters, "length": 0.6})
+
+
+def try_uneven(case: Case) -> None:
+    """Rows that are left out are rows of nan."""
+    observer, kept = continuous(case.observer), np.delete(np.arange(ROWS), [3, 4, 9, 17])
+    time = observer.sampling_period * np.arange(ROWS)
+    u = None if case.u is None else np.repeat(case.u[:1], ROWS, axis=0)  # held over gaps
+    y = np.full_like(case.y, np.nan)
+    y[kept] = case.y[kept]
+    whole = replace(case, observer=observer, u=u)
+    wanted = run(whole, y=y)
+    found = run(whole, y=y[kept], u=None if u is None else u[kept], time=time[kept])
+    for name in ("state", "covariance", "log_likelihood"):
+        np.testing.assert_allclose(found[name], wanted[name][kept], rtol=1e-6, atol=1e-9)
+
+
+def continuous(observer: Any) -> Any:
+    """The same filter on a model of an equation whose noise has a density."""
+    if isinstance(observer, IMM):  # its chain is that from row to row, whatever is between them
+        filters = [continuous(one) for one in observer.filters]
+        return replace(observer, filters=filters, transition=np.eye(len(filters)))
+    model = observer.model
+    if isinstance(model, LinearModel):
+        T = model.sampling_period
+        model = LinearModel.from_ode(
+            (model.A - np.eye(model.states)) / T, model.B / T, model.C, model.D, R=model.R,
+            density=model.Q / T, sampling_period=T,
+        )  # fmt: skip
+    else:
+        model = replace(model, density=model.Q / model.sampling_period)
+    return replace(observer, model=model)
 
 
 def try_smoother(case: Case) -> None:
@@ -232,6 +264,7 @@ TRIES: dict[str, tuple[Try, str]] = {
     "nan": (try_nan, r"y: sample 0 is .*, must be finite"),
     "noise": (try_noise, r"[QR]: is not taken by \w+"),
     "model": (try_model, r"(A|parameters): is not taken by \w+"),
+    "uneven": (try_uneven, r"time: goes from .* must go on by the sampling period"),
     "smoother": (try_smoother, r"run: .* must be one of a Kalman filter, extended or unscented"),
     "covariance": (try_covariance, r"estimate: there is no 'covariance'"),
     "predicted": (try_predicted, r"keep: is not taken by \w+"),
@@ -248,6 +281,7 @@ ASKED: dict[str, Try] = {
     "nan": lambda case: run(case, y=np.full_like(case.y, np.nan)),
     "noise": lambda case: run(case, Q=1.0, R=1.0),
     "model": lambda case: run(case, A=1.0, parameters={}),
+    "uneven": lambda case: run(case, time=TIMES * case.observer.sampling_period),
     "names": lambda case: run(case)["state_signal"],
     "bank": lambda case: IMM([case.observer], [[1.0]]),
 }

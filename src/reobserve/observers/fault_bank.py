@@ -17,7 +17,6 @@ from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
 from reobserve.core.matrices import as_positive, as_sized, as_vector
 from reobserve.observers.augmented_kalman import as_fault_matrices
-from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_state import ModeFilter
 from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
@@ -47,11 +46,11 @@ class FaultBank(IMM):
     which no one random walk can do.
 
     `init` takes mean and covariance of x, and those of faults and their rates; `run` and `step`
-    take y, shape (k, m), nan where missing, and u, (k, p). Estimates, in units of the model:
-    ``state``, x, (k, n), ``covariance``, (k, n, n), and ``variance``, (k, n); ``fault``, f, (k, q),
-    ``fault_rate``, f' per second, (k, q), and ``fault_variance`` and ``fault_rate_variance``,
-    (k, q); ``probability`` of the modes, (k, q + 1); ``innovation``, (k, q + 1, m), and
-    ``log_likelihood``, (k,), as `IMM` has them.
+    take y, shape (k, m), nan where missing, u, (k, p), and R by name. Estimates, in units of the
+    model: ``state``, x, (k, n), ``covariance``, (k, n, n), and ``variance``, (k, n); ``fault``, f,
+    (k, q), ``fault_rate``, f' per second, (k, q), and ``fault_variance`` and
+    ``fault_rate_variance``, (k, q); ``probability`` of the modes, (k, q + 1); ``innovation``,
+    (k, q + 1, m), and ``log_likelihood``, (k,), as `IMM` has them.
 
     Parameters
     ----------
@@ -112,8 +111,7 @@ class FaultBank(IMM):
     units: ClassVar[Mapping[str, str]] = dict.fromkeys(
         (*IMM.units, "fault", "fault_variance", "fault_rate", "fault_rate_variance"), ""
     )
-    takes: ClassVar[tuple[str, ...]] = ()
-    run, step = Observer.run, Observer.step  # type: ignore[assignment]  # no matrices by row
+    takes: ClassVar[tuple[str, ...]] = ("R",)
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 

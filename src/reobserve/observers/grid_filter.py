@@ -16,7 +16,6 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.finite import finite
 from reobserve.core.matrices import all_finite, as_floats, as_numbers, as_scalar
 from reobserve.core.value import read_only
-from reobserve.observers.contract import Observer
 from reobserve.observers.gaussian_state import inputs_of_rows
 from reobserve.observers.imm import IMM, ImmState
 from reobserve.observers.kalman import KalmanFilter
@@ -43,10 +42,10 @@ class GridFilter(IMM):
     It has no linearisation in the parameter, and no local minima.
 
     `of_parameter` and `of_delay` make it. `init` takes mean, covariance and probabilities; `run`
-    and `step` take y, shape (k, m), nan where missing, and u, (k, p). Estimates: ``parameter``, its
-    mean, shape (k,), and ``parameter_variance``, (k,); and those of `IMM`, ``state``, (k, n),
-    ``covariance``, (k, n, n), ``variance``, (k, n), ``probability`` of the nodes, (k, r),
-    ``innovation``, (k, r, m), and ``log_likelihood``, (k,).
+    and `step` take y, shape (k, m), nan where missing, u, (k, p), and R by name. Estimates:
+    ``parameter``, its mean, shape (k,), and ``parameter_variance``, (k,); and those of `IMM`,
+    ``state``, (k, n), ``covariance``, (k, n, n), ``variance``, (k, n), ``probability`` of the
+    nodes, (k, r), ``innovation``, (k, r, m), and ``log_likelihood``, (k,).
 
     Parameters
     ----------
@@ -78,8 +77,7 @@ class GridFilter(IMM):
     units: ClassVar[Mapping[str, str]] = dict.fromkeys(
         (*IMM.units, "parameter", "parameter_variance"), ""
     )
-    takes: ClassVar[tuple[str, ...]] = ()
-    run, step = Observer.run, Observer.step  # type: ignore[assignment]  # no matrices by row
+    takes: ClassVar[tuple[str, ...]] = ("R",)
 
     def __post_init__(self) -> None:
         super().__post_init__()
