@@ -134,8 +134,9 @@ class Estimation:
 
     def run(self, y: Array, u: Array, state: Any) -> Run[Any]:
         """The run of the observer over rows, smoothed if that is asked for."""
-        run: Any = self.observer.run if self.whole is None else self.whole
-        result: Run[Any] = run(y, u, start=state)
+        if self.whole is not None:
+            return self.whole(y, u, state)
+        result: Run[Any] = self.observer.run(y, u, start=state)
         return result
 
     def _start_up(self, column: int) -> float:

@@ -162,7 +162,7 @@ def test_generated_c_test_detects_a_changed_digit(folder: Path) -> None:
     assert ran(folder, *command, "-o", "off").returncode == 0
     tested = ran(folder, "./off")
     assert tested.returncode == 1
-    assert "start: off by" in tested.stdout
+    assert "state: off by" in tested.stdout
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")

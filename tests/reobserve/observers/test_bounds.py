@@ -32,7 +32,7 @@ for name, make in CASES.items():
         state = case.state
         for first, last in ((0, 1), (1, 7), (7, 12)):
             y, u = (None if each is None else each[first:last] for each in (case.y, case.u))
-            state = observer.run(y, u, start=state).state
+            state = observer.run(y, u, start=state).end
 y, u = record()
 for name, make in GIVEN.items():
     one = make()

@@ -38,7 +38,7 @@ C, D = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([[0.0], [0.1]])
 R, DENSITY = np.array([[0.0025, 0.001], [0.001, 0.01]]), np.array([[2e-3, 0.0], [0.0, 0.05]])
 L = np.array([[0.5, 0.01], [0.1, 0.4]])
 PSI, GAMMA = 0.2, 0.1
-E, WALK = np.array([[0.0], [0.1]]), 1e-3
+E, WALK = np.array([[0.0], [0.1]]), 1e-2
 MODES, CHAIN = (0.4, 0.9), np.array([[0.9, 0.1], [0.2, 0.8]])
 CORRELATED = np.array([[3e-4, 0.0], [2e-4, 2e-3]])
 GAPS = np.array([1, 1, 0.4, 1, 2.5, 1, 1, 0.7, 3, 1, 1, 1, 0.5, 1]) * T  # from each row on
@@ -243,7 +243,7 @@ def widened(one: Plain) -> Plain:
     A = np.concatenate([one.A, np.tile(E, (ROWS, 1, 1))], axis=2)
     A = np.concatenate([A, np.concatenate([none((ROWS, 1, 2)), eye], axis=2)], axis=1)
     Q = np.zeros((ROWS, 3, 3))
-    Q[:, :2, :2], Q[:, 2, 2] = one.Q, WALK
+    Q[:, :2, :2], Q[:, 2, 2] = one.Q, T * WALK
     state, output = one.periods
     return replace(
         one, A=A, B=np.concatenate([one.B, none((ROWS, 1, 1))], axis=1), Q=Q,

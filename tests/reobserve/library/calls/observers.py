@@ -12,6 +12,7 @@ from reobserve.observers.gaussian_state import Gaussian
 from reobserve.observers.grid_filter import GridFilter
 from reobserve.observers.imm import IMM
 from reobserve.observers.normal_form import normal_form_observer
+from reobserve.observers.simulation import simulate
 from reobserve.observers.smoother import rts_smoother
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.linear_gain import steady_kalman_gain
@@ -276,8 +277,19 @@ def _nonlinear_filters() -> Iterator[Call]:
         def smooth(u: Any, Q: Any, observer: Any = observer, start: Any = start) -> object:
             return rts_smoother(observer.run(y, u, start=start, Q=Q))
 
+        def drawn(
+            rows: Any, mean: Any, covariance: Any, u: Any, seed: Any, missing: Any, records: Any,
+            observer: Any = observer,
+        ) -> object:  # fmt: skip
+            return simulate(
+                observer.model, rows, mean, covariance, u, seed=seed, missing=missing,
+                records=records,
+            )  # fmt: skip
+
         kind = type(observer).__name__
         yield Call(f"observers.smoother.rts_smoother, {kind}", smooth, (u, noise[0]))
+        sizes = 20, np.zeros(2), 0.1 * np.eye(2), u, 1, 0.1, 2
+        yield Call(f"observers.simulation.simulate, {kind}", drawn, sizes)
 
 
 def _normal_forms() -> Iterator[Call]:
