@@ -328,6 +328,7 @@ def refusals(kind: str, abilities: set[str]) -> list[str]:
 PAIRS = [pair for pair in combinations(ABILITIES, 2) if pair != ("skip", "inflate")]
 
 
+@pytest.mark.nightly_after(140)
 @pytest.mark.parametrize("pair", PAIRS, ids="-".join)
 @pytest.mark.parametrize("kind", [*LINEAR, *NONLINEAR, *BANKS])
 def test_a_pair_is_right_or_refused(kind: str, pair: tuple[str, str]) -> None:
