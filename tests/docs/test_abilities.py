@@ -47,7 +47,7 @@ def cases() -> Mapping[str, Case]:
 
 
 def run(case: Case, **given: Any) -> Any:
-    whole = {"y": case.y, "u": case.u, "state": case.state, **given}
+    whole = {"y": case.y, "u": case.u, "start": case.state, **given}
     return case.observer.run(**whole)
 
 

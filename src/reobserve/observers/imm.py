@@ -788,7 +788,7 @@ class IMM(Observer[ImmState]):
 
     @property
     def _uneven_hint(self) -> str:
-        return "; of banks those of filters on linear models with a density take other times"
+        return "; for other times a bank needs linear models with a density"
 
     def _fill(self, state: ImmState, record: Record) -> Rows:
         (r, n, _, m), k = self._sizes, len(record.y)

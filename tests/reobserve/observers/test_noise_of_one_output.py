@@ -12,6 +12,8 @@ from reobserve import (
     IMM,
     AugmentedKalmanFilter,
     ExtendedKalmanFilter,
+    FaultBank,
+    GridFilter,
     InputError,
     KalmanFilter,
     LinearModel,
@@ -35,6 +37,12 @@ FILTERS: dict[str, Callable[[], Any]] = {
         LINEAR, fault_matrix=[[1.0]], random_walk=0.1
     ),
     "IMM": lambda: IMM([KalmanFilter(LINEAR), KalmanFilter(LINEAR)], transition=TURN),
+    "FaultBank": lambda: FaultBank(
+        LINEAR, fault_matrix=[[1.0]], drift=0.1, jump=0.5, jump_rate=0.1, jump_time=2.0
+    ),
+    "GridFilter": lambda: GridFilter.of_parameter(
+        lambda a: LinearModel([[a]], C=[[1.0]], Q=0.2, R=0.1), grid=[0.8, 0.9], random_walk=1e-3
+    ),
     "ExtendedKalmanFilter": lambda: ExtendedKalmanFilter(TEXT),
     "UnscentedKalmanFilter": lambda: UnscentedKalmanFilter(TEXT),
 }
