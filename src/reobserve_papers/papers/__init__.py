@@ -28,9 +28,9 @@ name one in the parameter file get it as a third argument.
 What studies and figures have in common, the keys of papers take from
 `reobserve_papers.parameters.job`. ``job`` is a `reobserve_papers.parameters.job.Job`: the
 parameter values that the step reads, see `reobserve_papers.parameters.settings`, with the types
-that the paper declares. The last line of its keys names these types, ``Job = job.Job[Plant,
-Scenario, ...]``, so that mypy refuses a misspelled field in any step. A step that is called by hand
-with plain values is given ``read_job(keys.Parameters, settings)``.
+that the paper declares. The end of its keys names these types, ``Job = job.Job[Plant, Scenario,
+...]``, so that mypy refuses a misspelled field in any step; ``Parameters = job.sections(Job)``.
+A step that is called by hand with plain values is given ``read_job(keys.Parameters, settings)``.
 """
 
 from reobserve.core.extras import require

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, make_dataclass
 from functools import cache
-from types import UnionType
+from types import NoneType, UnionType
 from typing import Annotated, Any, Generic, get_args, get_type_hints, overload
 
-from pydantic import Tag
+from pydantic import Field, Tag
 from typing_extensions import TypeVar  # with defaults, as `typing` has it from 3.13 on
 
 from reobserve.core.errors import InputError, nearest
@@ -75,6 +75,24 @@ class Job(
 # Of whichever paper.
 AnyJob = Job[Any, Any, Any, Any, Any, Any, Any, Any, Any, Any]
 Settings = Mapping[str, Any]  # plain values of the same branches, see `Parameters.settings`
+
+# The key that says which of several types a branch has.
+_CHOSEN_BY = {"observer": "algorithm", "design": "kind", "study": "method", "figure": "layout"}
+
+
+def sections(stated: Any) -> type:
+    """The declaration of a parameter file with a section for each type of a paper's ``Job``."""
+    found: list[tuple[str, Any]] = []
+    for variable, kind in zip(Job.__parameters__, get_args(stated), strict=True):  # type: ignore[attr-defined]
+        name = variable.__name__.removesuffix("Type").lower()
+        key = _CHOSEN_BY[name] if isinstance(kind, UnionType) else None
+        one = Annotated[kind, Field(discriminator=key)]  # type: ignore[valid-type]
+        if kind not in (None, NoneType):
+            named = name in SECTIONS
+            found.append((SECTIONS[name], Mapping[str, one]) if named else (name, one))
+    order = ["plant", *SECTIONS.values(), "metrics", "theory"]  # a value before what takes it
+    found.sort(key=lambda section: order.index(section[0]))
+    return make_dataclass("Parameters", found, frozen=True)
 
 
 def signal(axes: int) -> Any:

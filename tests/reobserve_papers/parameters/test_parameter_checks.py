@@ -21,6 +21,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
 from reobserve_papers.parameters.config import check_config, known_papers, take_truths
 from reobserve_papers.parameters.job import declared_keys, named, read_job, signal
+from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameter_checks import check_parameters
 from reobserve_papers.parameters.parameters import Parameters
 from tests import ROOT
@@ -56,7 +57,7 @@ def test_every_job_uses_only_declared_keys(paper: str) -> None:
         jobs += [(stage, name) for name in parameters.tree.get(section, {})]
     for stage, name in jobs:
         job = read_job(keys, parameters.settings(stage, name))
-        assert isinstance(job.plant, sys.modules[keys.__module__].Plant)
+        assert isinstance(job.plant, sys.modules[paper_part(parameters.package, "keys")].Plant)
 
 
 PRINTED = {"component": 1, "powers": [3, 0]}

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple
-
-from pydantic import Field
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_floats
@@ -255,17 +252,5 @@ class TuningFigure(job.StudyFigure):
 Figure = DelayFigure | TradeoffFigure | TuningFigure
 
 
-@dataclass(frozen=True)
-class Parameters:
-    """All sections."""
-
-    plant: Plant
-    scenarios: Mapping[str, Scenario]
-    observers: Mapping[str, Annotated[Observer, Field(discriminator="algorithm")]]
-    studies: Mapping[str, Annotated[Study, Field(discriminator="method")]]
-    metrics: Metrics
-    theory: Theory
-    figures: Mapping[str, Annotated[Figure, Field(discriminator="layout")]]
-
-
 Job = job.Job[Plant, Scenario, Observer, Metrics, Figure, Theory, Study]
+Parameters = job.sections(Job)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
 
 from reobserve.core.validation import (
     NotNegative,
@@ -185,18 +183,5 @@ class DesignsFigure(job.StudyFigure):
 Figure = Faults | DesignsFigure
 
 
-@dataclass(frozen=True)
-class Parameters:
-    """All sections."""
-
-    plant: Plant
-    scenarios: Mapping[str, Scenario]
-    designs: Mapping[str, Annotated[Design, Field(discriminator="kind")]]
-    observers: Mapping[str, Observer]
-    studies: Mapping[str, Designs]
-    metrics: Metrics
-    theory: Theory
-    figures: Mapping[str, Annotated[Figure, Field(discriminator="layout")]]
-
-
 Job = job.Job[Plant, Scenario, Observer, Metrics, Figure, Theory, Designs, Design]
+Parameters = job.sections(Job)

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import Field
-
 from reobserve.core.validation import (
     Count,
     Levels,
@@ -179,17 +177,5 @@ class MatchingFigure(job.StudyFigure):
 Figure = FaultFigure | MatchingFigure
 
 
-@dataclass(frozen=True)
-class Parameters:
-    """All sections."""
-
-    plant: Plant
-    scenarios: Mapping[str, Scenario]
-    observers: Mapping[str, Annotated[Observer, Field(discriminator="algorithm")]]
-    studies: Mapping[str, Matching]
-    metrics: Metrics
-    theory: Theory
-    figures: Mapping[str, Annotated[Figure, Field(discriminator="layout")]]
-
-
 Job = job.Job[Plant, Scenario, Observer, Metrics, Figure, Theory, Matching]
+Parameters = job.sections(Job)

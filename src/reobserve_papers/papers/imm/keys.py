@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
@@ -256,18 +255,5 @@ class BanksFigure(job.StudyFigure):
 Figure = Probabilities | Switching | BanksFigure
 
 
-@dataclass(frozen=True)
-class Parameters:
-    """All sections."""
-
-    plant: Plant
-    scenarios: Mapping[str, Scenario]
-    observers: Mapping[str, Annotated[Observer, Field(discriminator="algorithm")]]
-    searches: Mapping[str, Search]
-    studies: Mapping[str, Annotated[Study, Field(discriminator="method")]]
-    theory: Theory
-    metrics: Metrics
-    figures: Mapping[str, Annotated[Figure, Field(discriminator="layout")]]
-
-
 Job = job.Job[Plant, Scenario, Observer, Metrics, Figure, Theory, Study, None, Search]
+Parameters = job.sections(Job)

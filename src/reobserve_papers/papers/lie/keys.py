@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -283,21 +282,7 @@ class OfInjections(job.StudyFigure):
 Figure = Responses | OfStudy | OfInjections
 
 
-@dataclass(frozen=True)
-class Parameters:
-    """All sections."""
-
-    plant: Plant
-    scenarios: Mapping[str, Scenario]
-    designs: Mapping[str, InjectionDesign]
-    observers: Mapping[str, Annotated[Observer, Field(discriminator="algorithm")]]
-    studies: Mapping[str, Annotated[Study, Field(discriminator="method")]]
-    tables: Mapping[str, Table]
-    metrics: Metrics
-    theory: Theory
-    figures: Mapping[str, Annotated[Figure, Field(discriminator="layout")]]
-
-
 Job = job.Job[
     Plant, Scenario, Observer, Metrics, Figure, Theory, Study, InjectionDesign, None, Table
 ]
+Parameters = job.sections(Job)
