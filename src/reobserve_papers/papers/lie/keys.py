@@ -11,7 +11,6 @@ from pydantic import Field
 from reobserve.core.errors import InputError, shown
 from reobserve.core.validation import (
     Count,
-    Names,
     Positive,
     Seed,
     Terms,
@@ -136,63 +135,52 @@ class Transformed:
 Observer = Identity | Transformed
 
 
-@dataclass(frozen=True)
-class OrdersStudy:
+@dataclass(frozen=True, kw_only=True)
+class _OfDesign(job.Study):
+    design: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrdersStudy(_OfDesign):
     """Errors of the identity form over order and gain, and its Floquet exponents."""
 
     method: Literal["orders"]
-    scenario: str
-    design: str
-    observers: Names
     orders: Orders
     settle: Duration
     cycle_points: Annotated[int, within(100, 100_000), PURE]
-    title: str = ""
 
 
-@dataclass(frozen=True)
-class EnsembleStudy:
+@dataclass(frozen=True, kw_only=True)
+class EnsembleStudy(_OfDesign):
     """Every order compared with the constant gain over a grid of initial states."""
 
     method: Literal["ensemble"]
-    scenario: str
-    design: str
-    observers: Names
     orders: Orders
     half_width: Factor
     points: Annotated[int, within(2, 1000), PURE]
     sampling_period: Duration
-    title: str = ""
 
 
-@dataclass(frozen=True)
-class DomainStudy:
+@dataclass(frozen=True, kw_only=True)
+class DomainStudy(_OfDesign):
     """Domains where the series converge, and their errors on the limit cycle."""
 
     method: Literal["domain"]
-    scenario: str
-    design: str
-    observers: Names
     degree: Annotated[int, within(LEAST_DEGREE, MOST_DEGREE), PURE]
     settle: Duration
     cycle_points: Annotated[int, within(10, 100_000), PURE]
-    title: str = ""
 
 
-@dataclass(frozen=True)
-class InjectionsStudy:
+@dataclass(frozen=True, kw_only=True)
+class InjectionsStudy(_OfDesign):
     """Injections with a cubic term compared with the constant gain, by their coefficients."""
 
     method: Literal["injections"]
-    scenario: str
-    design: str
-    observers: Names
     largest: Annotated[Positive, PER_SECOND]
     coefficients: Annotated[int, within(2, 101), PURE]
     half_width: Factor
     points: Annotated[int, within(2, 1000), PURE]
     sampling_period: Duration
-    title: str = ""
 
 
 Study = OrdersStudy | EnsembleStudy | DomainStudy | InjectionsStudy
