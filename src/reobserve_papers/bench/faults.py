@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.validation import Names, checked
+from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
+from reobserve.observers.smoother import rts_smoother
 from reobserve.tuning import record_score
 from reobserve.tuning.record_score import Score
-from reobserve.tuning.task import Array, Estimates, Runner, TaskRecord
+from reobserve.tuning.task import Array, Estimates, Runner, TaskRecord, estimates_with
 
 CLASSES = ("step", "sine", "ramp", "square")
 
@@ -78,6 +80,17 @@ def random_faults(
         }  # fmt: skip
         faults.append({"axis": channel + 1, "from": begin, **terms[order[k % len(order)]]})
     return faults
+
+
+def random_walks(
+    observer: AugmentedKalmanFilter, y: Array, u: Array | None, noise: float, *, smooth: bool
+) -> Estimates:
+    """Unknown inputs, zero at first, at each row by those up to it, or if ``smooth`` by all."""
+    start, name = observer.init(y[0], noise**2, unknown_input_covariance=0.0), "unknown_input"
+    if not smooth:
+        return estimates_with(f"{name}_covariance", observer, name, y, u, start=start)
+    late = rts_smoother(observer.run(y, u, start=start, keep=[f"state_{name}_covariance"]))
+    return Estimates(late[name], late[f"{name}_covariance"])
 
 
 @dataclass(frozen=True, eq=False)

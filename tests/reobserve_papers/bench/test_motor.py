@@ -149,7 +149,7 @@ def test_random_walk_agrees_with_a_filter_in_its_plainest_form() -> None:
         found.append(x[2:])
     plant = task().plant_in("nominal")
     settings = {"actuator": 0.3, "sensor": 0.4, "process": 0.5}
-    estimate = values(motor.random_walk(plant, settings, PERIOD, 0.02)(record))
+    estimate = values(motor.METHODS["random_walk"](plant, settings, PERIOD, 0.02)(record))
     assert estimate * plant.largest == pytest.approx(np.array(found), abs=1e-9)
 
 

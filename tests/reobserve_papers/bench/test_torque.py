@@ -224,7 +224,7 @@ def test_bank_follows_a_jump_at_once_and_a_constant_closely() -> None:
         record = recorded(seed, plant)
         for made, errors in (
             (torque.fault_bank(plant, settings, T, NOISE), bank),
-            (torque.random_walk(plant, {"walk": 0.35, "process": 2e-6}, T, NOISE), walk),
+            (torque.METHODS["random_walk"](plant, {"walk": 0.35, "process": 2e-6}, T, NOISE), walk),
         ):
             found = made(record)
             assert isinstance(found, Estimates)

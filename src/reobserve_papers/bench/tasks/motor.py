@@ -21,7 +21,6 @@ from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.fixed_gain import FixedGainObserver
-from reobserve.observers.smoother import rts_smoother
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.placed_gains import searched
@@ -44,6 +43,7 @@ from reobserve_papers.bench.faults import (
     Scored,
     check_faulty,
     random_faults,
+    random_walks,
     score,
 )
 from reobserve_papers.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
@@ -172,29 +172,20 @@ def _extended_state(plant: Plant, system: AugmentedSystem, gains: Gains, period:
     return run
 
 
-def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+def random_walk(smooth: bool, plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     """Faults as random walks, ``actuator`` [V / sqrt(s)] and ``sensor`` [rad/s / sqrt(s)]."""
-    observer = _augmented_filter(plant, s, period, noise)
+    A, B = zero_order_hold(plant.motor.A, plant.motor.B, period)
+    Q = np.square(s["process"] * DD @ plant.disturbance) * period
+    observer = AugmentedKalmanFilter(
+        LinearModel(A, B, np.eye(2), None, Q=Q, R=noise**2, sampling_period=period),
+        fault_matrix=np.hstack([B, NONE]),
+        random_walk=np.square([s["actuator"], s["sensor"]]),
+        output_fault_matrix=np.hstack([NONE, FS]),
+    )
 
     def run(record: TaskRecord) -> Estimates:
-        y, u, name = record.measurements, record.inputs, "unknown_input"
-        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
-        estimates = estimates_with(f"{name}_covariance", observer, name, y, u, start=start)
-        return _over_largest(plant, estimates)
-
-    return run
-
-
-def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
-    """The random walks at each row by the whole record."""
-    observer = _augmented_filter(plant, s, period, noise)
-
-    def run(record: TaskRecord) -> Estimates:
-        y, u, cross = record.measurements, record.inputs, "state_unknown_input_covariance"
-        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)
-        late = rts_smoother(observer.run(y, u, start=start, keep=[cross]))
-        estimates = Estimates(late["unknown_input"], late["unknown_input_covariance"])
-        return _over_largest(plant, estimates)
+        y, u = record.measurements, record.inputs
+        return _over_largest(plant, random_walks(observer, y, u, noise, smooth=smooth))
 
     return run
 
@@ -203,21 +194,6 @@ def _over_largest(plant: Plant, faults: Estimates) -> Estimates:
     scale = np.array(plant.largest)
     P = faults.covariances / (scale**2 if faults.covariances.ndim == 2 else np.outer(scale, scale))
     return Estimates(faults.values / scale, P)
-
-
-def _augmented_filter(
-    plant: Plant, s: Settings, period: float, noise: float
-) -> AugmentedKalmanFilter:
-    A, B = zero_order_hold(plant.motor.A, plant.motor.B, period)
-    Q = np.square(s["process"] * DD @ plant.disturbance) * period
-    walk = np.square([s["actuator"], s["sensor"]])
-    model = LinearModel(A, B, np.eye(2), None, Q=Q, R=noise**2, sampling_period=period)
-    return AugmentedKalmanFilter(
-        model,
-        fault_matrix=np.hstack([B, NONE]),
-        random_walk=walk,
-        output_fault_matrix=np.hstack([NONE, FS]),
-    )
 
 
 def fault_bank(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
@@ -295,9 +271,9 @@ METHODS: dict[str, Callable[..., Runner]] = {
     "pi": partial(by_lmi, "pi"),
     "pi_feasible": partial(by_lmi, "pi_feasible"),
     "pi_riccati": by_riccati,
-    "random_walk": random_walk,
+    "random_walk": partial(random_walk, False),
     "fault_bank": fault_bank,
-    "smoothed": smoothed,
+    "smoothed": partial(random_walk, True),
     "luenberger": with_fault_states,
     "inverted": inverted,
 }

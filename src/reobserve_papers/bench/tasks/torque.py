@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -24,7 +25,6 @@ from reobserve.observers.fault_bank import FaultBank
 from reobserve.observers.ilo import ILO, SampledILO
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
-from reobserve.observers.smoother import rts_smoother
 from reobserve.systems.linear import LinearModel
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.tuning.search import Settings
@@ -45,6 +45,7 @@ from reobserve_papers.bench.faults import (
     Scored,
     check_faulty,
     random_faults,
+    random_walks,
     score,
 )
 from reobserve_papers.plants.satellite import Satellite
@@ -148,46 +149,22 @@ def adaptive(body: RigidBody, J: Array, s: Settings, period: float) -> AdaptiveO
     )  # fmt: skip
 
 
-def random_walk(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
+def random_walk(smooth: bool, plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     """The fault as a random walk. ``walk`` [N m / sqrt(s)], ``process`` [rad/s / sqrt(s)].
 
     With ``memory`` [s] R is estimated, from that of ``noise`` on.
     """
-    observer = _augmented(plant, s, period, noise)
+    Q, J_inverse = s["process"] ** 2 * period, np.linalg.inv(np.array(plant.inertia))
+    observer = AugmentedKalmanFilter(
+        LinearModel(np.eye(3), None, np.eye(3), None, Q=Q, R=noise**2, sampling_period=period),
+        fault_matrix=period * J_inverse, random_walk=s["walk"] ** 2, noise_memory=s.get("memory"),
+    )  # fmt: skip
 
     def run(record: TaskRecord) -> Estimates:
         y = unexplained(plant, record, period)
-        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)  # begins healthy
-        name = "unknown_input"
-        return estimates_with(f"{name}_covariance", observer, name, y, start=start)
+        return random_walks(observer, y, None, noise, smooth=smooth)
 
     return run
-
-
-def smoothed(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
-    """The random walk at each row by the whole record."""
-    observer = _augmented(plant, s, period, noise)
-
-    def run(record: TaskRecord) -> Estimates:
-        y = unexplained(plant, record, period)
-        start = observer.init(y[0], noise**2, unknown_input_covariance=0.0)
-        outputs = observer.run(y, start=start, keep=["state_unknown_input_covariance"])
-        late = rts_smoother(outputs)
-        return Estimates(late["unknown_input"], late["unknown_input_covariance"])
-
-    return run
-
-
-def _augmented(plant: Plant, s: Settings, period: float, noise: float) -> AugmentedKalmanFilter:
-    J_inverse = np.linalg.inv(np.array(plant.inertia))
-    model = LinearModel(
-        np.eye(3), None, np.eye(3), None, Q=s["process"] ** 2 * period, R=noise**2,
-        sampling_period=period,
-    )  # fmt: skip
-    return AugmentedKalmanFilter(
-        model, fault_matrix=period * J_inverse, random_walk=s["walk"] ** 2,
-        noise_memory=s.get("memory"),
-    )  # fmt: skip
 
 
 def with_a_rate(plant: Plant, s: Settings, period: float, noise: float) -> Runner:
@@ -277,8 +254,8 @@ METHODS: dict[str, Callable[..., Runner]] = {
     "sampled_ilo": _observer(sampled_ilo),
     "ilo": _observer(ilo),
     "adaptive": _observer(adaptive),
-    "random_walk": random_walk,
-    "smoothed": smoothed,
+    "random_walk": partial(random_walk, False),
+    "smoothed": partial(random_walk, True),
     "with_a_rate": with_a_rate,
     "fault_bank": fault_bank,
     "filtered_difference": filtered_difference,
