@@ -21,6 +21,7 @@ from reobserve.core.validation import Names, checked, having, parse
 from reobserve_papers.parameters.names import paper_part
 from reobserve_papers.parameters.parameters import Parameters
 from reobserve_papers.parameters.step_kinds import SECTIONS
+from reobserve_papers.parameters.units import Duration
 from reobserve_papers.signals.inputs import Signal
 
 # The branch that a job is about: its keys are named in errors without the job's name for it.
@@ -98,6 +99,14 @@ def sections(stated: Any) -> type:
 def signal(axes: int) -> Any:
     """The terms of a signal with so many components (see `reobserve_papers.signals.inputs`)."""
     return checked(lambda place, value: Signal.parse(place, value, axes))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observer:
+    """Keys of every observer of sampled signals. Which algorithm it is, is for the paper to say."""
+
+    sampling_period: Duration
+    label: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

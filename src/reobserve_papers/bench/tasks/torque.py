@@ -124,18 +124,12 @@ def _observer(kind: Any) -> Callable[..., Runner]:
     return make
 
 
-def sampled_ilo(body: RigidBody, J: Array, s: Settings, period: float) -> SampledILO:
-    """v is updated at each sample."""
-    return SampledILO(
-        body, K1=s["K1"], K2=s["K2"] * J, observer_gain=s["observer_gain"] * J,
-        update_interval=period, sampling_period=period,
-    )  # fmt: skip
-
-
-def ilo(body: RigidBody, J: Array, s: Settings, period: float) -> ILO:
-    """The updating interval is rounded to samples."""
-    interval = period * max(1, round(s["interval"] / period))
-    return ILO(
+def ilo(
+    kind: type[ILO | SampledILO], body: RigidBody, J: Array, s: Settings, period: float
+) -> ILO | SampledILO:
+    """The updating ``interval`` is rounded to samples, and is one if it is left out."""
+    interval = period * max(1, round(s.get("interval", period) / period))
+    return kind(
         body, K1=s["K1"], K2=s["K2"] * J, observer_gain=s["observer_gain"] * J,
         update_interval=interval, sampling_period=period,
     )  # fmt: skip
@@ -251,8 +245,8 @@ def levant(plant: Plant, s: Settings, period: float, _: float) -> Runner:
 
 
 METHODS: dict[str, Callable[..., Runner]] = {
-    "sampled_ilo": _observer(sampled_ilo),
-    "ilo": _observer(ilo),
+    "sampled_ilo": _observer(partial(ilo, SampledILO)),
+    "ilo": _observer(partial(ilo, ILO)),
     "adaptive": _observer(adaptive),
     "random_walk": partial(random_walk, False),
     "smoothed": partial(random_walk, True),

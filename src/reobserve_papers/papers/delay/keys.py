@@ -94,7 +94,7 @@ class Levant(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Extended:
+class Extended(job.Observer):
     """The extended observer, with exact derivatives of the input or the differentiator (37)."""
 
     algorithm: Literal["extended"]
@@ -107,12 +107,10 @@ class Extended:
     threshold: Annotated[NotNegative, of_models("N/(kg m s)", "1/s")]
     switched: Literal["delay", "all"]
     derivatives: Literal["exact", "levant"]
-    sampling_period: Duration
     lambdas: Annotated[Levels, vector(3), PURE] | None = None
     L: Annotated[Positive, of_models("N m/s^3", "1/s^3")] | None = None
     sampling: Duration | None = None
     initial_derivatives: Literal["zero", "exact"] = "zero"
-    label: str = ""
 
     def levant(self) -> Levant:
         """The differentiator's parameters, or `InputError` with the one that is missing."""
@@ -123,7 +121,7 @@ class Extended:
 
 
 @dataclass(frozen=True)
-class Standard:
+class Standard(job.Observer):
     """The high-gain observer with a constant delay."""
 
     algorithm: Literal["standard"]
@@ -131,24 +129,20 @@ class Standard:
     rho: Annotated[Positive, PER_SECOND]
     mean_delay: Duration
     initial_estimate: State
-    sampling_period: Duration
-    label: str = ""
 
 
 @dataclass(frozen=True)
-class LeastSquares:
+class LeastSquares(job.Observer):
     """Least squares, a reconstruction."""
 
     algorithm: Literal["least_squares"]
     initial_covariance: Annotated[Positive, PURE]
     forgetting: Annotated[NotNegative, PER_SECOND]
     initial_delay: Annotated[float, Unit("s")]
-    sampling_period: Duration
-    label: str = ""
 
 
 @dataclass(frozen=True)
-class AdaptiveIdentification:
+class AdaptiveIdentification(job.Observer):
     """Adaptive identification, a reconstruction."""
 
     algorithm: Literal["adaptive"]
@@ -156,20 +150,16 @@ class AdaptiveIdentification:
     forgetting: Annotated[Positive, PER_SECOND]
     adaptation_gain: Annotated[Positive, PURE]
     initial_delay: Annotated[float, Unit("s")]
-    sampling_period: Duration
-    label: str = ""
 
 
 @dataclass(frozen=True)
-class Relay:
+class Relay(job.Observer):
     """A variable structure, a reconstruction."""
 
     algorithm: Literal["relay"]
     relay_gain: Annotated[Positive, Unit("1/s^2")]
     relay_on: Literal["delay", "inverse"]
     initial_delay: Annotated[float, Unit("s")]
-    sampling_period: Duration
-    label: str = ""
 
 
 HighGain = Extended | Standard

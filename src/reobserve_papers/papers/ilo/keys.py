@@ -56,11 +56,10 @@ class Scenario:
 
 
 @dataclass(frozen=True)
-class _Common:
+class _Common(job.Observer):
     """Entries of all observers."""
 
     observer_gain: Gain
-    sampling_period: Duration
     inertia_factor: Annotated[Positive, PURE]
     initial_rate: Annotated[Vector, RATE]
     initial_fault: Annotated[Vector, Unit("N m")]
@@ -78,7 +77,6 @@ class Sampled(_Learning):
     """An ILO that updates its estimate at sampling instants and holds it."""
 
     algorithm: Literal["sampled_ilo"]
-    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,6 @@ class Continuous(_Learning):
     """The ILO of the paper, updated continuously."""
 
     algorithm: Literal["continuous_ilo"]
-    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -96,7 +93,6 @@ class Adaptive(_Common):
     algorithm: Literal["adaptive"]
     integral_gain: Annotated[Matrix, Unit("N m/rad")]
     proportional_gain: Gain
-    label: str = ""
 
 
 Learning = Sampled | Continuous

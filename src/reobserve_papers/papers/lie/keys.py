@@ -108,7 +108,7 @@ class InjectionDesign:
 
 
 @dataclass(frozen=True)
-class Identity:
+class Identity(job.Observer):
     """An observer in the plant's own coordinates."""
 
     algorithm: Literal["identity"]
@@ -116,20 +116,16 @@ class Identity:
     order: Order
     gain: Gain
     initial_estimate: State
-    sampling_period: Duration
-    label: str = ""
 
 
 @dataclass(frozen=True)
-class Transformed:
+class Transformed(job.Observer):
     """An observer in the coordinates of the normal form."""
 
     algorithm: Literal["transformed"]
     design: str
     order: Order
     initial_estimate: State
-    sampling_period: Duration
-    label: str = ""
 
 
 Observer = Identity | Transformed
