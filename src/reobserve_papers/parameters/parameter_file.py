@@ -144,9 +144,6 @@ class Entry(Model):
         False, description="Its numbers on which no result depends; true for all."
     )
     plot_only: bool = Field(False, description="Whether only a plot depends on it.")
-    expensive: bool = Field(
-        False, description="Whether computing a study again with another value takes a minute."
-    )
 
     @model_validator(mode="after")
     def _assumed(self) -> Entry:

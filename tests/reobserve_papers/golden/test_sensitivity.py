@@ -22,7 +22,7 @@ Place = tuple[str | int, ...]  # position in a value: empty for the value itself
 # Words in a key or position that mark numbers used as names.
 NAMES = {"axis", "component", "powers"}
 # Flags of entries on which no golden number need depend; the schema explains each.
-UNNOTICED = ("numerical", "levels", "plot_only", "expensive")
+UNNOTICED = ("numerical", "levels", "plot_only")
 # Sections that make no figure: a figure shows the result of a search, not its range, and a theory
 # is evaluated at its numbers.
 UNSHOWN = ("searches.", "theory.")
