@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.validation import Names, checked
+from reobserve.core.validation import Names, Positive, checked
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.smoother import rts_smoother
 from reobserve.tuning import record_score
@@ -31,26 +31,33 @@ Faulty = tuple[int, int]  # the smallest and the largest number of channels with
 Scored = Literal["all", "healthy"]  # channels
 
 
-def check_faulty(channels: int, faulty: Faulty, scored: Scored) -> None:
-    """Refuse numbers of faulty channels that there are not, or that leave none to be scored."""
-    most = channels if scored == "all" else channels - 1
-    if not 1 <= faulty[0] <= faulty[1] <= most:
-        left = "" if scored == "all" else ", as a healthy channel is scored"
-        problem = f"{shown(list(faulty))} must be two numbers from 1 to {most}, rising{left}"
-        raise InputError("faulty", problem)
+@dataclass(frozen=True, kw_only=True)
+class FaultyPlant:
+    """Keys of a plant with faults on some of its channels, and of which channels are scored."""
+
+    channels: ClassVar[int]
+
+    horizon: Positive  # [s]
+    faults: FaultClasses
+    onset: Ends  # of faults [s]
+    size: Ends  # of faults, in the unit of the plant
+    frequency: Ends  # of faults [rad/s]
+    faulty: Faulty
+    scored: Scored = "all"
+
+    def __post_init__(self) -> None:
+        """Refuse numbers of channels that there are not, or that leave none to be scored."""
+        most = self.channels if self.scored == "all" else self.channels - 1
+        if not 1 <= self.faulty[0] <= self.faulty[1] <= most:
+            left = "" if self.scored == "all" else ", as a healthy channel is scored"
+            problem = (
+                f"{shown(list(self.faulty))} must be two numbers from 1 to {most}, rising{left}"
+            )
+            raise InputError("faulty", problem)
 
 
 def random_faults(
-    draw: np.random.Generator,
-    classes: Sequence[str],
-    channels: int,
-    horizon: float,
-    *,
-    onset: Ends,
-    size: Ends,
-    frequency: Ends,
-    faulty: Faulty,
-    step: float,
+    draw: np.random.Generator, plant: FaultyPlant, step: float
 ) -> list[dict[str, Any]]:
     """Terms of a signal: faults on some channels, of other classes as far as there are some.
 
@@ -60,14 +67,16 @@ def random_faults(
     scale. Onsets and jumps are multiples of ``step`` [s]. As many random numbers are drawn whatever
     the classes and numbers are.
     """
+    horizon, faulty = plant.horizon, plant.faulty
     ranks = draw.uniform(size=len(CLASSES))
-    order = sorted(classes, key=lambda kind: ranks[CLASSES.index(kind)])
-    places = np.argsort(draw.uniform(size=channels))
+    order = sorted(plant.faults, key=lambda kind: ranks[CLASSES.index(kind)])
+    places = np.argsort(draw.uniform(size=plant.channels))
     count = faulty[0] + int(draw.uniform() * (faulty[1] - faulty[0] + 1))
     faults = []
     for k, channel in enumerate(places.tolist()):
-        begin, rate = draw.uniform(*onset), float(np.exp(draw.uniform(*np.log(frequency).tolist())))
-        end = draw.uniform(*size) * np.sign(draw.uniform(-1.0, 1.0))
+        begin, ends = draw.uniform(*plant.onset), np.log(plant.frequency).tolist()
+        rate = float(np.exp(draw.uniform(*ends)))
+        end = draw.uniform(*plant.size) * np.sign(draw.uniform(-1.0, 1.0))
         if k >= count:
             continue
         begin, half = (step * round(time / step) for time in (begin, np.pi / rate))

@@ -11,23 +11,29 @@ from reobserve.core.errors import InputError
 from reobserve.tuning.task import Array, Estimates, TaskRecord
 from reobserve_papers.bench.faults import (
     CLASSES,
+    FaultyPlant,
     HealthyRecord,
-    check_faulty,
     random_faults,
     score,
 )
 from reobserve_papers.signals.inputs import Signal
 
 STEP = 0.005  # [s]
-ABOUT: Any = {"onset": (1.0, 4.0), "size": (0.5, 2.0), "frequency": (0.5, 8.0), "step": STEP}
+ABOUT: Any = {"onset": (1.0, 4.0), "size": (0.5, 2.0), "frequency": (0.5, 8.0), "horizon": 10.0}
 TIME = np.arange(0.0, 10.001, 0.005)
+
+
+def plant_of(channels: int, **stated: Any) -> FaultyPlant:
+    kind: Any = type("Plant", (FaultyPlant,), {"channels": channels})
+    made: FaultyPlant = kind(**{"faults": CLASSES, **ABOUT, **stated})
+    return made
 
 
 def faults(
     seed: int, classes: Any, channels: int = 1, faulty: tuple[int, int] | None = None
 ) -> list[dict[str, Any]]:
     draw, of = np.random.default_rng(seed), faulty or (channels, channels)
-    return random_faults(draw, classes, channels, 10.0, faulty=of, **ABOUT)
+    return random_faults(draw, plant_of(channels, faults=classes, faulty=of), STEP)
 
 
 def drawn(seed: int, kind: str) -> Array:
@@ -114,8 +120,8 @@ def test_healthy_channels_are_scored_in_units_of_the_faults_of_the_others() -> N
 
 
 def test_numbers_of_faulty_channels_that_there_are_not_are_refused() -> None:
-    check_faulty(3, (1, 3), "all")
-    check_faulty(3, (1, 2), "healthy")
+    plant_of(3, faulty=(1, 3))
+    plant_of(3, faulty=(1, 2), scored="healthy")
     for faulty, scored in (((0, 1), "all"), ((2, 1), "all"), ((1, 4), "all"), ((1, 3), "healthy")):
         with pytest.raises(InputError, match=r"faulty: .* must be two numbers from 1 to"):
-            check_faulty(3, faulty, scored)  # type: ignore[arg-type]
+            plant_of(3, faulty=faulty, scored=scored)

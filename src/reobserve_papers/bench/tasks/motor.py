@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import lru_cache, partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -36,12 +37,8 @@ from reobserve.tuning.task import (
     estimates_with,
 )
 from reobserve_papers.bench.faults import (
-    Ends,
-    FaultClasses,
-    Faulty,
+    FaultyPlant,
     HealthyRecord,
-    Scored,
-    check_faulty,
     random_faults,
     random_walks,
     score,
@@ -57,27 +54,19 @@ DD, DW, FS = np.diag([1.0, 2.0]), np.array([[1.0], [0.0]]), np.array([[1.0], [0.
 NONE = np.zeros((2, 1))
 
 
-@dataclass(frozen=True)
-class Plant:
-    """The motor, its noise, disturbances and faults."""
+@dataclass(frozen=True, kw_only=True)
+class Plant(FaultyPlant):
+    """The motor, its noise, disturbances and faults, whose sizes are shares of the largest."""
+
+    channels: ClassVar[int] = 2  # actuator and sensor
 
     motor: DCMotor
     noise: Positive  # standard deviation of speed [rad/s] and current [A]
     disturbance: tuple[Positive, Positive]  # largest d1 [rad/s^2] and d2 [A/s]
     hold: Positive  # of disturbances [s]
-    horizon: Positive  # [s]
     voltage: Positive  # amplitude of a square wave [V]
     turn: Positive  # its period [s]
     largest: tuple[Positive, Positive]  # actuator fault [V] and sensor fault [rad/s]
-    faults: FaultClasses
-    onset: Ends  # of faults [s]
-    size: Ends  # of faults, as shares of the largest
-    frequency: Ends  # of faults [rad/s]
-    faulty: Faulty  # of actuator and sensor
-    scored: Scored = "all"  # faults
-
-    def __post_init__(self) -> None:
-        check_faulty(2, self.faulty, self.scored)
 
 
 def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> TaskRecord:
@@ -85,10 +74,7 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
     draw = random_stream(seed, "bench", "motor", "plant")
     steps, fine = round(plant.horizon / period), 4
     step, held = period / fine, round(fine * plant.hold / period)
-    faults = random_faults(
-        draw, plant.faults, 2, plant.horizon, onset=plant.onset, size=plant.size,
-        frequency=plant.frequency, faulty=plant.faulty, step=step,
-    )  # fmt: skip
+    faults = random_faults(draw, plant, step)
     fault = Signal.parse("fault", faults, 2)
     fault.check_jumps("fault", step, plant.horizon)
     shares = 1.0 + condition.model * draw.uniform(-1.0, 1.0, 6)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -38,12 +38,8 @@ from reobserve.tuning.task import (
     estimates_with,
 )
 from reobserve_papers.bench.faults import (
-    Ends,
-    FaultClasses,
-    Faulty,
+    FaultyPlant,
     HealthyRecord,
-    Scored,
-    check_faulty,
     random_faults,
     random_walks,
     score,
@@ -55,23 +51,15 @@ from reobserve_papers.signals.random_streams import random_stream
 __all__ = ["METHODS", "Plant", "score", "simulate"]
 
 
-@dataclass(frozen=True)
-class Plant:
-    """The rigid body, its noise and its faults."""
+@dataclass(frozen=True, kw_only=True)
+class Plant(FaultyPlant):
+    """The rigid body, its noise and its faults [N m], with ``frequency`` of the control, too."""
+
+    channels: ClassVar[int] = 3  # axes
 
     inertia: Annotated[list[list[float]], array(3, 3)]  # [kg m^2]
     noise: Positive  # standard deviation of each rate [rad/s]
-    horizon: Positive  # [s]
     control: Positive  # amplitude of the control, a sine on each axis [N m]
-    faults: FaultClasses
-    onset: Ends  # of faults [s]
-    size: Ends  # of faults [N m]
-    frequency: Ends  # of faults and of the control [rad/s]
-    faulty: Faulty  # axes
-    scored: Scored = "all"  # axes
-
-    def __post_init__(self) -> None:
-        check_faulty(3, self.faulty, self.scored)
 
 
 def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> TaskRecord:
@@ -79,10 +67,7 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Ta
     draw = random_stream(seed, "bench", "torque", "plant")
     steps, fine = round(plant.horizon / period), 4
     step = period / fine
-    faults = random_faults(
-        draw, plant.faults, 3, plant.horizon, onset=plant.onset, size=plant.size,
-        frequency=plant.frequency, faulty=plant.faulty, step=step,
-    )  # fmt: skip
+    faults = random_faults(draw, plant, step)
     frequencies, phases = draw.uniform(*plant.frequency, 3), draw.uniform(0.0, 2 * np.pi, 3)
     sines = [
         {"kind": "sine", "axis": k + 1, "amplitude": plant.control, "frequency": f, "phase": p}
