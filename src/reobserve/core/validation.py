@@ -298,12 +298,7 @@ def checked(check: Callable[[str, Any], object]) -> AfterValidator:
 
 def as_stated(check: Callable[[str, Any], object]) -> PlainValidator:
     """`checked`, where the check is the only one: no other type is demanded before it."""
-
-    def validate(value: Any) -> Any:
-        check("", value)
-        return value
-
-    return PlainValidator(validate)
+    return PlainValidator(checked(check).func)
 
 
 def _distinct(place: str, value: list[Any]) -> None:
