@@ -144,7 +144,8 @@ class Design(ABC):
     @property
     def states(self) -> tuple[NamedSignal, ...]:
         """The states of the system."""
-        return listed(self.system.states)
+        count = len(getattr(self.system, "A", ()))
+        return listed(self.system.states) or numbered("state", count)
 
     @property
     def inputs(self) -> tuple[NamedSignal, ...]:

@@ -206,11 +206,6 @@ class EsoDesign(Design):
         faults = np.zeros(self.system.augmented.faults)
         return self.observer.init(np.concatenate([x, filtered, faults]), filtered=filtered)
 
-    @property
-    def states(self) -> tuple[NamedSignal, ...]:
-        """The states of the system."""
-        return listed(self.system.states) or numbered("state", len(self.system.A))
-
     def residual(self, y: Array, estimates: Estimates) -> Array:
         """The part of y that neither the state nor the sensor fault explains."""
         system = self.system.augmented

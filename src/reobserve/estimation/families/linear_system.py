@@ -14,7 +14,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.kernel import allocating_kernel
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.estimation.families.rules import periods, rule_estimates
-from reobserve.estimation.families.signals import NamedSignal, listed, numbered, variances
+from reobserve.estimation.families.signals import NamedSignal, variances
 from reobserve.estimation.observer_design import Certificate, Design, Estimates, System, pole_text
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.gaussian_filter import GaussianFilter, innovation_deviation
@@ -116,11 +116,6 @@ class FilterDesign(Design):
     """A filter of mean and covariance (of a constant gain no deviations are known)."""
 
     left_out: ClassVar[tuple[str, ...]] = ("variance", "innovation", "log_likelihood")
-
-    @property
-    def states(self) -> tuple[NamedSignal, ...]:
-        """The states of the system."""
-        return listed(self.system.states) or numbered("state", len(self.system.A))
 
     @property
     def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
