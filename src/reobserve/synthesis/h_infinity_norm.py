@@ -173,7 +173,7 @@ def _gain(system: _System, frequency: arb) -> float:
     if not np.isfinite(middle).all():
         return 0.0
     # |u* G v| is at most the norm for any unit vectors, and within the square of an error of it.
-    left, _, right = np.linalg.svd(middle)
+    left, _, right = np.linalg.svd(middle, full_matrices=False)
     u, v = acb_mat(left[:, :1].conj().T.tolist()), acb_mat(right[:1].conj().T.tolist())
     lengths = (u * u.conjugate().transpose()) * (v.conjugate().transpose() * v)
     bound = abs((u * G * v)[0, 0]) / abs(lengths[0, 0]).sqrt()

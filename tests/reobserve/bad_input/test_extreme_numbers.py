@@ -27,7 +27,8 @@ from .test_arguments import is_numeric
 EXTREMES = (1e150, 5e299, 1e308, -1e308, 1e-300, 5e-324)
 # Designs by matrix inequalities take a second each; their parts are tested among the others.
 SLOW = ("extended_state.pi.", "extended_state.pd_pi.")
-ROWS = (".run", ".step", ".predict", ".correct", "rts_smoother", "Gaussian")  # which may diverge
+# Which may diverge.
+ROWS = (".run", ".step", ".predict", ".correct", "rts_smoother", "simulate", "Gaussian")
 NAMES = [
     name
     for name in calls()

@@ -258,7 +258,7 @@ def test_detector_needs_a_covariance_that_is_predicted() -> None:
 BIAS: dict[str, Any] = {
     "kind": "augmented-kalman", "time": "discrete", "A": [[1.0]], "C": [[1.0], [1.0]],
     "states": {"level": "m"}, "measurements": {"a": "m", "b": "m"}, "unknown_inputs": {"bias": "m"},
-    "fault_matrix": [[0.0]], "output_fault_matrix": [[1.0], [0.0]], "random_walk": 1e-6,
+    "fault_matrix": [[0.0]], "output_fault_matrix": [[1.0], [0.0]], "random_walk": 1e-6 / 60.0,
     "Q": 0.01, "R": [0.04, 0.09], "initial_state": [22.0], "initial_covariance": 4.0,
 }  # fmt: skip
 

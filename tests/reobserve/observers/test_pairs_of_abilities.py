@@ -313,7 +313,7 @@ def refusals(kind: str, abilities: set[str]) -> list[str]:
         if kind == "augmented":
             found.append(f"{goes}; for other times give from_ode the matrices")
         if kind in ("fault bank", "grid", "IMM of EKFs"):
-            found.append(f"{goes}; of banks those of filters on linear models with a density")
+            found.append(f"{goes}; for other times a bank needs linear models with a density")
         if "memory" in abilities:
             found.append(f"{goes}, which noise_memory counts")
         if "S" in abilities and kind == "EKF":

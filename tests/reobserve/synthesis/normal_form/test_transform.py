@@ -96,7 +96,7 @@ def test_one_call_agrees_with_the_stepwise_construction(gain: str) -> None:
             one = normal_form_observer(*DUFFING, **how, **given)
             left, right = (o.run(y, start=o.init([0.1, 0.0])) for o in (one, other))
             assert left["state"].tobytes() == right["state"].tobytes()
-            assert left.state.values.tobytes() == right.state.values.tobytes()
+            assert left.end.values.tobytes() == right.end.values.tobytes()
 
 
 def test_sympy_symbols_and_text_are_equivalent() -> None:
