@@ -67,18 +67,8 @@ def _add_tile(_: Any, left: Any, panel: Any, start: Any, out: Any, a: Any, b: An
 add_tile: Any = intrinsic(_add_tile)
 
 _settings: Any = numba.config
-if _settings.DISABLE_JIT:  # to debug kernels as Python
-
-    def add_tile(
-        left: Array, panel: Array, start: Array | None, out: Array, a: int, b: int
-    ) -> None:
-        """Write a tile of ``start`` plus L R, of which ``panel`` has the columns from b on."""
-        # out_ab = ((start_ab + L_a0 R_0b) + L_a1 R_1b) + ...
-        rows, columns = slice(a, a + ROWS), slice(b, b + COLUMNS)
-        total = np.zeros((ROWS, COLUMNS)) if start is None else start[rows, columns].copy()
-        for i in range(len(panel)):
-            total += left[rows, i, None] * panel[i]
-        out[rows, columns] = total
+# States from which these are faster than plain loops (`benchmarks.large_models`), if compiled.
+LARGE = 10**9 if _settings.DISABLE_JIT else 12
 
 
 @kernel

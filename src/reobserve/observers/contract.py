@@ -46,6 +46,7 @@ __all__ = ["Observer", "ObserverState", "OnDivergence", "Record", "Rows", "check
 
 Array = NDArray[np.float64]
 OnDivergence = Literal["raise", "return"]
+Sample = ArrayLike | Mapping[str, float]  # a row of y or u, or its numbers by name
 
 _UNEVEN = 0.01  # of the sampling period: how much longer or shorter the time between rows may be
 
@@ -111,7 +112,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         )
 
     def step(
-        self, start: StateKind, y: ArrayLike, u: ArrayLike | None = None, *,
+        self, start: StateKind, y: Sample, u: Sample | None = None, *,
         time: float | None = None,
     ) -> tuple[StateKind, Estimate]:  # fmt: skip
         """Take one sample: the start of the next one, and the estimates at it.
@@ -123,7 +124,8 @@ class Observer(Value, ABC, Generic[StateKind]):
         start
             From `init`, or from the sample before.
         y, u, time
-            As those of `run`, without the axis of samples.
+            As those of `run`, without the axis of samples. Numbers by names may leave out
+            what was not measured.
 
         Raises
         ------
@@ -168,7 +170,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         return self._run_given(y, u, start, time, on_divergence, {})
 
     def _step_given(
-        self, state: StateKind, y: ArrayLike, u: ArrayLike | None, time: float | None,
+        self, state: StateKind, y: Any, u: Any, time: float | None,
         given: Mapping[str, Any], before: Pair | None = None, middle: Pair | None = None,
     ) -> tuple[StateKind, Estimate]:  # fmt: skip
         """`step`, with what a class takes beside y, u and time in ``given``, by name."""
@@ -197,9 +199,7 @@ class Observer(Value, ABC, Generic[StateKind]):
             values[name], units[name] = array[0], known.get(name, "")
         return rows.state, Estimate(float(times[0]), values, units)
 
-    def _quick_step(
-        self, state: StateKind, y: ArrayLike, u: ArrayLike | None
-    ) -> tuple[StateKind, Estimate] | None:
+    def _quick_step(self, state: StateKind, y: Any, u: Any) -> tuple[StateKind, Estimate] | None:
         """`step` on plain numbers where an observer has a faster way, bitwise the same."""
         return None
 
@@ -391,7 +391,7 @@ class IntegratingObserver(Observer[StateKind]):
     exact: ClassVar[bool] = False  # whether its steps are, so that shorter ones change nothing
 
     def step(
-        self, start: StateKind, y: ArrayLike, u: ArrayLike | None = None, *,
+        self, start: StateKind, y: Sample, u: Sample | None = None, *,
         time: float | None = None, before: Pair | None = None, middle: Pair | None = None,
     ) -> tuple[StateKind, Estimate]:  # fmt: skip
         """Take one sample: the start of the next one, and the estimates at it.
@@ -403,7 +403,8 @@ class IntegratingObserver(Observer[StateKind]):
         start
             From `init`, or from the sample before.
         y, u, time, before, middle
-            As those of `run`, without the axis of samples.
+            As those of `run`, without the axis of samples. Numbers by names may leave out
+            what was not measured.
 
         Raises
         ------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -138,14 +138,28 @@ def _arranged_pair(observer: Any, name: str, pair: Any, row: bool = False) -> An
 
 
 def _arranged(observer: Any, name: str, value: Any, row: bool = False) -> Any:
-    """A frame, or with ``row`` a series of one sample, in the order of the model's signals."""
-    if type(value) in PLAIN or not hasattr(value, "iloc"):
+    """A frame, or with ``row`` a series or numbers by name, in the order of the model's signals."""
+    named = row and isinstance(value, Mapping)
+    if type(value) in PLAIN or not (named or hasattr(value, "iloc")):
         return value
     if row or hasattr(value, "columns"):
         model = getattr(getattr(observer, "filters", [observer])[0], "model", None)
         kind = "output" if name.endswith("y") else "input"
-        value = _in_order(name, value, getattr(model, f"{kind}_names", None))
+        signals = getattr(model, f"{kind}_names", None)
+        if named:
+            return _by_name(name, value, signals or (), kind)
+        value = _in_order(name, value, signals)
     return _without_na(value)
+
+
+def _by_name(name: str, value: Mapping[Any, Any], signals: Sequence[str], kind: str) -> list[Any]:
+    """The numbers of a sample, with nan for measurements that are not named."""
+    for wrong in value.keys() - set(signals):
+        raise InputError(name, f"{shown(wrong)} names no {kind}{nearest(str(wrong), signals)}")
+    for signal in signals if kind == "input" else ():
+        if signal not in value:
+            raise InputError(name, f"has no entry {signal}, must have {', '.join(signals)}")
+    return [value.get(signal, np.nan) for signal in signals]
 
 
 def _without_na(value: Any) -> Any:

@@ -42,7 +42,7 @@ from reobserve.core.matrices import (
     as_row_stochastic,
 )
 from reobserve.core.value import Value, for_loop
-from reobserve.observers.contract import Observer, OnDivergence
+from reobserve.observers.contract import Observer, OnDivergence, Sample
 from reobserve.observers.gaussian_filter import GaussianFilter, uneven_times
 from reobserve.observers.gaussian_state import (
     Correction,
@@ -573,7 +573,7 @@ class IMM(Observer[ImmState]):
         raise refused
 
     def step(
-        self, start: ImmState, y: ArrayLike, u: ArrayLike | None = None, *,
+        self, start: ImmState, y: Sample, u: Sample | None = None, *,
         time: float | None = None, A: ArrayLike | None = None, B: ArrayLike | None = None,
         C: ArrayLike | None = None, D: ArrayLike | None = None, Q: ArrayLike | None = None,
         R: ArrayLike | None = None, S: ArrayLike | None = None,
@@ -587,7 +587,8 @@ class IMM(Observer[ImmState]):
         start
             From `init`, or from the row before.
         y, u, time, A, B, C, D, Q, R, S
-            As those of `run`, without the axis of rows.
+            As those of `run`, without the axis of rows. Numbers by names may leave out
+            what was not measured.
 
         Raises
         ------

@@ -21,9 +21,9 @@ from reobserve.core.direct_call import call
 from reobserve.core.errors import InputError
 from reobserve.core.interrupts import FIRST, poll
 from reobserve.core.kernel import FunctionPointer, inlined_kernel, kernel
-from reobserve.core.large_matrices import COLUMNS, mirror, multiply_rows, write_product
+from reobserve.core.large_matrices import COLUMNS, LARGE, mirror, multiply_rows, write_product
 from reobserve.core.loop_function import GuardedPointer
-from reobserve.observers.contract import OnDivergence
+from reobserve.observers.contract import OnDivergence, Sample
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import (
     REMEDY,
@@ -56,8 +56,6 @@ VAGUE = 1e12
 # price of a second or two of compilation each: `benchmarks.kalman`. Five states are what the
 # hydraulic actuator's banks have: their longest study takes a third less time.
 UNROLLED = 5
-
-LARGE = 12  # states from which loops along rows are faster: `benchmarks.large_models`
 
 HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 BEGUN = 20.0  # rows that the R of the model counts as, where it is estimated
@@ -970,7 +968,7 @@ class LinearFilter(GaussianFilter):
     takes: ClassVar[tuple[str, ...]] = TAKES
 
     def step(
-        self, start: KalmanState, y: ArrayLike, u: ArrayLike | None = None, *,
+        self, start: KalmanState, y: Sample, u: Sample | None = None, *,
         time: float | None = None, A: ArrayLike | None = None, B: ArrayLike | None = None,
         C: ArrayLike | None = None, D: ArrayLike | None = None, Q: ArrayLike | None = None,
         R: ArrayLike | None = None, S: ArrayLike | None = None,
@@ -985,7 +983,8 @@ class LinearFilter(GaussianFilter):
         start
             From `init`, or from the row before.
         y, u, time, A, B, C, D, Q, R, S, keep
-            As those of `run`, without the axis of rows.
+            As those of `run`, without the axis of rows. Numbers by names may leave out
+            what was not measured.
 
         Raises
         ------

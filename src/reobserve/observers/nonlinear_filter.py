@@ -24,7 +24,7 @@ from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.large_matrices import mirror, write_product
 from reobserve.core.matrices import as_positive, as_scalar
 from reobserve.core.value import for_loop
-from reobserve.observers.contract import OnDivergence
+from reobserve.observers.contract import OnDivergence, Sample
 from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import (
     Correlation,
@@ -752,7 +752,7 @@ class NonlinearFilter(GaussianFilter):
     takes: ClassVar[tuple[str, ...]] = TAKES
 
     def step(
-        self, start: KalmanState, y: ArrayLike, u: ArrayLike | None = None, *,
+        self, start: KalmanState, y: Sample, u: Sample | None = None, *,
         time: float | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
         S: ArrayLike | None = None, parameters: Mapping[str, ArrayLike] | None = None,
         dt: float | None = None,
@@ -767,7 +767,8 @@ class NonlinearFilter(GaussianFilter):
         start
             From `init`, or from the row before.
         y, u, time, Q, R, S, parameters, dt, keep
-            As those of `run`, without the axis of rows.
+            As those of `run`, without the axis of rows. Numbers by names may leave out
+            what was not measured.
 
         Raises
         ------

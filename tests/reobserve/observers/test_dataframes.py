@@ -66,6 +66,29 @@ def test_columns_that_nobody_reads_change_nothing() -> None:
         run(log.rename(columns={"right": "rigth"}).drop(columns="right_2"), log)
 
 
+@pytest.mark.parametrize("measured", [["left"], ["right"], ["right", "left"], []])
+def test_step_takes_the_sensors_that_measured_by_name(measured: list[str]) -> None:
+    start, row = KALMAN.init([0.3, 0.1], 1.0), dict(zip(["left", "right"], VALUES[0], strict=True))
+    given = {name: row[name] for name in measured}
+    _, found = KALMAN.step(start, given, {"push": 2.0})
+    _, sought = KALMAN.step(start, [given.get("left", np.nan), given.get("right", np.nan)], [2.0])
+    assert np.array_equal(found["state"], sought["state"])
+
+
+@pytest.mark.parametrize(
+    ("y", "u", "said"),
+    [
+        ({"rigth": 1.0}, {"push": 2.0}, "y: 'rigth' names no output; did you mean 'right'"),
+        ({"left": 1.0}, {}, "u: has no entry push, must have push"),
+        ({"left": 1.0}, {"push": 1.0, "pull": 2.0}, "u: 'pull' names no input"),
+        ({"left": "high"}, {"push": 1.0}, "y: .* is no array of numbers"),
+    ],
+)
+def test_names_in_a_step_that_do_not_fit_are_refused(y: Any, u: Any, said: str) -> None:
+    with pytest.raises(InputError, match=f"^{said}"):
+        KALMAN.step(KALMAN.init([0.0, 0.0], 1.0), y, u)
+
+
 def test_columns_without_names_are_taken_by_position() -> None:
     assert np.array_equal(run(pd.DataFrame(VALUES))["state"], run(VALUES)["state"])
 
