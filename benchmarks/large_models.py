@@ -58,13 +58,14 @@ def run(quick: bool) -> Section:
 
 def by_plain_loops(model: LinearModel) -> KalmanFilter:
     """Our filter by the loops of small models."""
-    one, large = KalmanFilter(model), kalman.LARGE
-    kalman.LARGE = 10**9  # scratch, which the filter keeps, says by which loops it is run
+    loops: Any = kalman
+    one, large = KalmanFilter(model), loops.LARGE
+    loops.LARGE = 10**9  # scratch, which the filter keeps, says by which loops it is run
     try:
         zeros = np.zeros((1, 1))
         one.run(zeros, zeros, start=one.init(np.zeros(model.states), 1.0))
     finally:
-        kalman.LARGE = large
+        loops.LARGE = large
     return one
 
 

@@ -42,6 +42,6 @@ from reobserve.systems.triangular import TriangularModel as TriangularModel
 from reobserve.tuning.fit import fit as fit
 from reobserve.tuning.search import tune as tune
 
-__version__: str
 __all__: list[str]
+__version__: str
 _HOME: dict[str, str]

@@ -12,7 +12,6 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
@@ -29,7 +28,8 @@ def _add_tile(_: Any, left: Any, panel: Any, start: Any, out: Any, a: Any, b: An
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         vector = ir.VectorType(ir.DoubleType(), COLUMNS)
         whole, zeros = args[4].type, ir.Constant(vector, [0.0] * COLUMNS)
-        first = ir.Constant(ir.VectorType(ir.IntType(32), COLUMNS), [0] * COLUMNS)
+        index = ir.IntType(32)
+        first = ir.Constant(ir.VectorType(index, COLUMNS), [0] * COLUMNS)
         arrays: list[Any] = [
             kind is not types.none and context.make_array(kind)(context, builder, array)
             for kind, array in zip(signature.args[:4], args, strict=False)
@@ -44,21 +44,29 @@ def _add_tile(_: Any, left: Any, panel: Any, start: Any, out: Any, a: Any, b: An
             return builder.bitcast(entry(*place), vector.as_pointer())
 
         rows = [builder.add(args[4], whole(r)) for r in range(ROWS)]
-        once: Any = cgutils.alloca_once
-        sums = [once(builder, vector) for _ in rows]
-        for row, total in zip(rows, sums, strict=True):
-            begun = builder.load(block(start, row, args[5]), align=8) if start else zeros
-            builder.store(begun, total)
-        with cgutils.for_range(builder, n) as loop:
-            right = builder.load(block(panel, loop.index, whole(0), whole(COLUMNS)), align=8)
-            for row, total in zip(rows, sums, strict=True):
-                factor = builder.load(entry(left, row, loop.index))
-                factors = builder.insert_element(zeros, factor, ir.IntType(32)(0))
-                factors = builder.shuffle_vector(factors, zeros, first)
-                term = builder.fmul(factors, right)
-                builder.store(builder.fadd(builder.load(total), term), total)
-        for row, total in zip(rows, sums, strict=True):
-            builder.store(builder.load(total), block(out, row, args[5]), align=8)
+        begun = [
+            builder.load(block(start, row, args[5]), align=8) if start else zeros for row in rows
+        ]
+        before, end = builder.block, builder.append_basic_block("end")
+        loop = builder.append_basic_block("loop")
+        builder.branch(loop)
+        builder.position_at_end(loop)
+        i, sums = builder.phi(whole), [builder.phi(vector) for _ in rows]
+        right = builder.load(block(panel, i, whole(0), whole(COLUMNS)), align=8)
+        after = builder.add(i, whole(1))
+        i.add_incoming(whole(0), before)
+        i.add_incoming(after, loop)
+        totals = []
+        for row, first_sum, total in zip(rows, begun, sums, strict=True):
+            factors = builder.insert_element(zeros, builder.load(entry(left, row, i)), index(0))
+            factors = builder.shuffle_vector(factors, zeros, first)
+            totals.append(builder.fadd(total, builder.fmul(factors, right)))
+            total.add_incoming(first_sum, before)
+            total.add_incoming(totals[-1], loop)
+        builder.cbranch(builder.icmp_signed("<", after, n), loop, end)
+        builder.position_at_end(end)
+        for row, total in zip(rows, totals, strict=True):
+            builder.store(total, block(out, row, args[5]), align=8)
         return context.get_dummy_value()
 
     return types.void(left, panel, start, out, a, b), generate

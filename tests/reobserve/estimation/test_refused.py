@@ -60,7 +60,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("extended-kalman", {"observer": {"parameters": {"friction": "x"}}},
      "observer.parameters.friction: 'x' is not a number"),
     ("extended-kalman", {"observer": {"output": {"angle": "sin("}}}, "observer.output.angle: 's"),
-    ("extended-kalman", {"observer": {"R": 0.0}}, "observer.R: "),
+    ("extended-kalman", {"observer": {"R": -1.0}}, "observer.R: "),
     ("extended-kalman", {"observer": {"substeps": 20_000}}, "observer.substeps: 20000 must be a"),
     ("extended-kalman", {"observer": {"initial_covariance": -1.0}}, "observer.initial_covarianc"),
     ("unscented-kalman", {"observer": {"gains": {"alpha": 0}}}, "observer.gains.alpha: 0 must be"),

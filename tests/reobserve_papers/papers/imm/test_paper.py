@@ -507,8 +507,8 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     "negative process noise": (
         svsf(process_noise=-1), "observers.svsf.process_noise", "must be positive semidefinite",
     ),
-    "no measurement noise": (
-        svsf(measurement_noise=0), "observers.svsf.measurement_noise", "must be positive definite",
+    "negative measurement noise": (
+        svsf(measurement_noise=-1), "observers.svsf.measurement_noise", "positive semidefinite",
     ),
     "negative covariance": (
         svsf(initial_covariance=-1), "observers.svsf.initial_covariance", "positive semidefinite",
