@@ -167,5 +167,5 @@ def test_following_the_page_adds_an_observer_to_the_tests(tmp_path: Path) -> Non
     listed = run_in(tmp_path, source, "-c", "from docs.generate import abilities as a; "
                     "print(a.abilities())")  # fmt: skip
     (row,) = (line for line in listed.splitlines() if line.startswith("| [`Clipped"))
-    assert row.count(" yes ") == 10
+    assert row.count(" yes ") == 11
     assert row.count("`clipped-kalman`") == 1
