@@ -33,9 +33,7 @@ def __getattr__(name: str) -> Any:
         value = globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
         return value
     if name == "__version__":
-        from importlib.metadata import version
-
-        return version("reobserve")
+        return import_module("importlib.metadata").version("reobserve")
     from reobserve.core.errors import nearest
 
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{nearest(name, __all__)}")

@@ -102,10 +102,11 @@ def write_product(
 
 @kernel
 def multiply_rows(left: Array, C: Array, out: Array) -> None:
-    """Write L C', four rows at a time."""
-    n, fours = len(left), len(left) - len(left) % 4
+    """Write L C', four rows at a time. The last ones overlap those before, as tiles do."""
+    n = len(left)
     for o in range(len(C)):
-        for a in range(0, fours, 4):
+        for place in range(0, n, 4):
+            a = min(place, n - 4)
             s0 = s1 = s2 = s3 = 0.0
             for b in range(n):
                 s0 += left[a, b] * C[o, b]
@@ -113,10 +114,6 @@ def multiply_rows(left: Array, C: Array, out: Array) -> None:
                 s2 += left[a + 2, b] * C[o, b]
                 s3 += left[a + 3, b] * C[o, b]
             out[a, o], out[a + 1, o], out[a + 2, o], out[a + 3, o] = s0, s1, s2, s3
-        for a in range(fours, n):
-            out[a, o] = 0.0
-            for b in range(n):
-                out[a, o] += left[a, b] * C[o, b]
 
 
 @kernel

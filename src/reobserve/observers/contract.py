@@ -124,8 +124,8 @@ class Observer(Value, ABC, Generic[StateKind]):
         start
             From `init`, or from the sample before.
         y, u, time
-            As those of `run`, without the axis of samples. Numbers by names may leave out
-            what was not measured.
+            As those of `run`, without the axis of samples. Of y and u also numbers by name, of
+            which measurements may be left out.
 
         Raises
         ------
@@ -403,8 +403,8 @@ class IntegratingObserver(Observer[StateKind]):
         start
             From `init`, or from the sample before.
         y, u, time, before, middle
-            As those of `run`, without the axis of samples. Numbers by names may leave out
-            what was not measured.
+            As those of `run`, without the axis of samples. Of y and u also numbers by name, of
+            which measurements may be left out.
 
         Raises
         ------

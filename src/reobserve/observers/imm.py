@@ -587,8 +587,8 @@ class IMM(Observer[ImmState]):
         start
             From `init`, or from the row before.
         y, u, time, A, B, C, D, Q, R, S
-            As those of `run`, without the axis of rows. Numbers by names may leave out
-            what was not measured.
+            As those of `run`, without the axis of rows. Of y and u also numbers by name, of
+            which measurements may be left out.
 
         Raises
         ------

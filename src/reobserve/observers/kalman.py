@@ -983,8 +983,8 @@ class LinearFilter(GaussianFilter):
         start
             From `init`, or from the row before.
         y, u, time, A, B, C, D, Q, R, S, keep
-            As those of `run`, without the axis of rows. Numbers by names may leave out
-            what was not measured.
+            As those of `run`, without the axis of rows. Of y and u also numbers by name, of
+            which measurements may be left out.
 
         Raises
         ------

@@ -755,8 +755,7 @@ class NonlinearFilter(GaussianFilter):
         self, start: KalmanState, y: Sample, u: Sample | None = None, *,
         time: float | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
         S: ArrayLike | None = None, parameters: Mapping[str, ArrayLike] | None = None,
-        dt: float | None = None,
-        keep: str | Sequence[str] | None = None,
+        dt: float | None = None, keep: str | Sequence[str] | None = None,
     ) -> tuple[KalmanState, Estimate]:  # fmt: skip
         """Take one row: the start of the next one, and the estimates at it.
 
@@ -767,8 +766,8 @@ class NonlinearFilter(GaussianFilter):
         start
             From `init`, or from the row before.
         y, u, time, Q, R, S, parameters, dt, keep
-            As those of `run`, without the axis of rows. Numbers by names may leave out
-            what was not measured.
+            As those of `run`, without the axis of rows. Of y and u also numbers by name, of
+            which measurements may be left out.
 
         Raises
         ------
@@ -784,8 +783,8 @@ class NonlinearFilter(GaussianFilter):
         self, y: ArrayLike, u: ArrayLike | None = None, *, start: KalmanState | None = None,
         time: ArrayLike | None = None, Q: ArrayLike | None = None, R: ArrayLike | None = None,
         S: ArrayLike | None = None, parameters: Mapping[str, ArrayLike] | None = None,
-        dt: ArrayLike | None = None,
-        keep: str | Sequence[str] | None = None, on_divergence: OnDivergence = "raise",
+        dt: ArrayLike | None = None, keep: str | Sequence[str] | None = None,
+        on_divergence: OnDivergence = "raise",
     ) -> Run[KalmanState]:  # fmt: skip
         """Estimates at all rows of a record, by one compiled loop.
 

@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.estimation.families.high_gain import HighGainDesign
 from reobserve.estimation.families.signals import NamedSignal, listed, numbered
 from reobserve.estimation.families.triangular import TriangularSystem, step_growth
 from reobserve.estimation.observer_design import Certificate, Design, Example
@@ -125,10 +126,7 @@ class ExtendedHighGainDesign(Design):
         """The input, alone or with its derivatives."""
         return listed(self.system.inputs) or numbered("input", 1)
 
-    @property
-    def measurements(self) -> tuple[NamedSignal, ...]:
-        """The first state."""
-        return listed(self.system.measurements) or self.states[:1]
+    measurements = HighGainDesign.measurements
 
     @property
     def widths(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
