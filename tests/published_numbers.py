@@ -497,7 +497,7 @@ def squeezed(text: str) -> str:
 
 def numbers_left(text: str, reported: list[str]) -> list[str]:
     """Digits, with what stands around them, that are no code, no names and not in ``reported``."""
-    prose = re.sub(r"```.*?```", " ", text, flags=re.DOTALL)
+    prose = re.sub(r"```.*?```|<img[^>]*>", " ", text, flags=re.DOTALL)
     left = squeezed("\n".join(line for line in prose.splitlines() if not line.startswith("    ")))
     for one in reported:
         left = left.replace(one, " ")

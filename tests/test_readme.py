@@ -34,7 +34,7 @@ def test_python_examples_of_readme_and_library_page_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    short, figure = python_of(README)
+    figure, short = python_of(README)
     with rc_context():
         rcdefaults()
         exec(compile(short, "README.md", "exec"), {})
