@@ -24,7 +24,7 @@ unexport PIP_TARGET PIP_PREFIX PIP_ROOT
 export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: figures bench unlock report archive quick test nightly check elsewhere mixed benchmarks figdiff unlocked accept samples mutations pages docs lock \
-	package env cluster clean distclean help
+	package tag env cluster clean distclean help
 .DEFAULT_GOAL := figures
 
 # Of a folder that was copied or moved, .venv runs the code of the other one.
@@ -136,12 +136,19 @@ docs: $(DOCS) figures  ## the documentation and the report of the papers as a si
 	NO_MKDOCS_2_WARNING=1 python -m mkdocs build --strict --config-file build/mkdocs.yml
 	@echo "build/site/index.html: the documentation"
 
-package: $(TOOLS)  ## wheel and source archive in dist, checked as package indexes check them
+package: tag $(TOOLS)  ## what a release has: wheel, source archive, report and archive of a build in dist, checked; TAG=v1.2.3 must be the version
 	rm -rf dist
 	python -m hatchling build --directory dist
 	twine check --strict dist/*
 	check-wheel-contents dist/*.whl
 	hadolint Containerfile
+	snakemake --cores $(CORES) results/report.html results/archive.zip
+	cp results/report.html results/archive.zip dist
+
+VERSION := v$(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+tag:
+	@test -z "$(TAG)" -o "$(TAG)" = "$(VERSION)" || \
+		{ echo "make: the tag $(TAG) must be $(VERSION), the version in pyproject.toml" >&2; exit 1; }
 
 env: $(STAMP)  ## set up .venv and nothing else
 

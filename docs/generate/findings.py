@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from docs.generate.evidence import Paper
-from docs.generate.markdown import code, plain, table, ticks
+from docs.generate.markdown import plain, table, ticks
 from reobserve.core.documents import read_yaml
 from reobserve_papers.claims.verdict_rules import CONTRADICTED, DEPENDS, REPRODUCED, VERDICTS
 from reobserve_papers.claims.verdict_table import counts_table, dissent, sentence, titles_table
@@ -159,31 +158,41 @@ def _share(claim: ReportedClaim) -> str:
 
 
 def _cite(paper: Paper) -> str:
-    reference = _reference(paper.root, paper.about["title"])
+    stated = read_yaml(paper.root / "CITATION.cff")
+    known = {one["title"]: one for one in stated["references"]}
+    here = stated | {"title": f"{stated['title']}, version {stated['version']}"}
+    here |= {"year": str(stated["date-released"])[:4], "type": "software"}
+    entries = [_bibtex(paper.name, known.get(paper.about["title"], _as_cited(paper.about)))]
+    entries += [_bibtex("reobserve", here)]
     return (
         "## How to cite it\n\n"
-        f"Cite the paper whose observer or claims you use: {reference}\n\n"
-        f"Cite also this replication, see {code('CITATION.cff')}. The assumptions behind its "
-        f"numbers are in [its parameter file]({_ROOT}/config/papers/{paper.name}.yaml)."
+        "Cite the paper whose observer or claims you use, and this replication:\n\n"
+        f"```bibtex\n{''.join(entries)}```\n\n"
+        f"The assumptions behind its numbers are in [its parameter file]"
+        f"({_ROOT}/config/papers/{paper.name}.yaml)."
     )
 
 
-def _reference(root: Path, title: str) -> str:
-    """The reference to a paper, as `CITATION.cff` has it."""
-    known: dict[str, Any] = {
-        one["title"]: one for one in read_yaml(root / "CITATION.cff")["references"]
-    }
-    if title not in known:
-        return f"*{plain(title)}*."
-    one = known[title]
-    authors = [f"{who['given-names']} {who['family-names']}" for who in one["authors"]]
-    parts = [plain(", ".join(authors)), f"*{plain(title)}*"]
-    conference = one.get("conference", {})
-    parts += [plain(one.get("journal") or conference.get("name") or "")]
-    volume, issue = one.get("volume"), one.get("issue")
-    parts += [f"{volume}({issue})" if issue else f"{volume}"] if volume else []
-    pages = [str(one[key]) for key in ("start", "end") if key in one]
-    parts += [f"pp. {'–'.join(pages)}"] if pages else []
-    parts += [str(one["year"])] if "year" in one else []
-    parts += [f"[doi:{plain(one['doi'])}](https://doi.org/{one['doi']})"] if "doi" in one else []
-    return ", ".join(part for part in parts if part) + "."
+def _as_cited(about: Mapping[str, Any]) -> dict[str, Any]:
+    """What a parameter file says of a paper, in the words of `CITATION.cff`."""
+    parts = [name.rpartition(" ") for name in about["authors"]]
+    authors = [{"given-names": given, "family-names": family} for given, _, family in parts]
+    return {**about, "authors": authors}
+
+
+def _bibtex(key: str, one: Mapping[str, Any]) -> str:
+    """A BibTeX entry of a reference as `CITATION.cff` has it."""
+    authors = [
+        (who.get("name") and f"{{{who['name']}}}") or f"{who['family-names']}, {who['given-names']}"
+        for who in one["authors"]
+    ]
+    conference = one.get("conference", {}).get("name")
+    kind = "article" if "journal" in one else "inproceedings" if conference else "misc"
+    pages = "--".join(str(one[at]) for at in ("start", "end") if at in one)
+    fields = {
+        "author": " and ".join(authors), "title": f"{{{one['title']}}}",
+        "journal": one.get("journal"), "booktitle": conference, "volume": one.get("volume"),
+        "number": one.get("issue"), "pages": pages, "year": one.get("year"), "doi": one.get("doi"),
+    }  # fmt: skip
+    lines = [f"  {name} = {{{text}}},\n" for name, text in fields.items() if text]
+    return f"@{kind}{{{key},\n{''.join(lines)}}}\n"

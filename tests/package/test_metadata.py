@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import json
 import re
+import subprocess
 import tomllib
 from importlib import metadata
 from pathlib import Path
@@ -55,6 +58,40 @@ def test_papers_agree_with_the_citation_file() -> None:
     assert CODEMETA["referencePublication"] == [*map(article, CITATION["references"])]
 
 
+def public_names() -> set[str]:
+    """The names that a user may import, and what the classes among them have."""
+    found = set()
+    for package in (reobserve, importlib.import_module("reobserve.detection")):
+        for name in package.__all__:
+            one = getattr(package, name)
+            full = f"{package.__name__}.{name}"
+            parts = {part for part in dir(one) if part[0] != "_"} if inspect.isclass(one) else ()
+            found |= {full, *(f"{full}.{part}" for part in parts)}
+    return found
+
+
+def test_changelog_has_each_public_name_that_is_gone() -> None:
+    """`public_names.txt` has those of the last release, and new ones as they come."""
+    listed = {*(ROOT / "tests/package/public_names.txt").read_text("utf-8").split()}
+    found = public_names()
+    assert sorted(found - listed) == []  # to be listed
+    text, _, _ = CHANGELOG.partition(f"## [{RELEASES[0][0]}]")
+    said = " ".join(re.findall(r"`([^`]+)`", text))
+    gone = {name for name in listed - found if name.rpartition(".")[0] not in listed - found}
+    assert [name for name in sorted(gone) if name.rpartition(".")[2] not in said] == []
+
+
+def test_a_tag_that_is_not_the_version_stops_a_release() -> None:
+    def make(tag: str) -> subprocess.CompletedProcess[str]:
+        command = ["make", "tag", f"TAG={tag}"]
+        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+    assert make(f"v{PROJECT['version']}").returncode == 0
+    wrong = make("v9.9.9")
+    assert wrong.returncode == 2
+    assert f"the tag v9.9.9 must be v{PROJECT['version']}" in wrong.stderr
+
+
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
 ALL_WORKFLOWS = [*WORKFLOWS, *sorted(ROOT.glob("examples/*/.github/workflows/*.yml"))]
 
@@ -67,7 +104,9 @@ def test_workflow_pins_its_actions_and_keeps_no_rights(workflow: Path) -> None:
     stated = yaml.safe_load(text)
     assert stated["permissions"] == {"contents": "read"}
     for job in stated["jobs"].values():
-        assert job.get("permissions", {}).get("contents", "read") == "read"
+        publishes = workflow.name == "release.yml"
+        wanted = "write" if publishes else "read"
+        assert job.get("permissions", {}).get("contents", "read") == wanted
         for step in job["steps"]:
             if step.get("uses", "").startswith("actions/checkout@"):
                 assert step["with"]["persist-credentials"] is False

@@ -20,6 +20,7 @@ NOT_HERE = {
     r"(python -m )?pip install .*": "it would change the environment of the tests",
     r"docker .*": "it needs a container engine; hadolint reads the file in `make package`",
     r"sudo apt-get .*": "it needs rights",
+    r"gh release create .*": "it publishes",
     r"\.ci/run": "it runs these tests",
     r"for one in .*extras.*": "tests/package/test_extras.py runs these programs",
 }
