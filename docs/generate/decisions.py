@@ -1,35 +1,102 @@
-"""What to decide before an observer is chosen, with the numbers of the bench that decide it."""
+"""Which observer when: situations, and what decides across them, with numbers of the bench."""
 
 from __future__ import annotations
 
+import math
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from docs.generate.bench import Bench, extent
-from reobserve.tuning.scoring import PAPER
+from docs.generate.markdown import table
 
 BANKS = ("fault_bank", "fault_bank_R")
 WITH_STATES = ("ekf_ab", "ukf_ab", "ekf_ab_R")
+GRIDS = ("grid", "grid_R")
 ALONE = "CUSUM, filters never restarted"
 KALMANS = "IMM of Kalman filters, given R"
 
+_BANK = "[`FaultBank`][reobserve.observers.fault_bank.FaultBank]"
+_SMOOTHER = "[`rts_smoother`][reobserve.observers.smoother.rts_smoother]"
+_EXTENDED = "[`ExtendedKalmanFilter`][reobserve.observers.nonlinear_filter.ExtendedKalmanFilter]"
+_STATES = (
+    "the same on [`with_parameter_states`]"
+    "[reobserve.systems.nonlinear.NonlinearModel.with_parameter_states]"
+)
+_GRID = "[`GridFilter.of_delay`][reobserve.observers.grid_filter.GridFilter.of_delay]"
+_NORMAL = "[normal form][reobserve.observers.normal_form.normal_form_observer] of order 4"
 
-def decisions(body: Bench, motor: Bench, leak: Bench, oscillator: Bench, delay: Bench) -> str:
-    """Numbered questions, each with its branches."""
+
+def situations(body: Bench, motor: Bench, oscillator: Bench, delay: Bench) -> str:
+    """A table: the situation, the observer, and how much larger errors are without it."""
+    drifting = [b.rest("drifts", *BANKS)[0] for b in (body, motor)]
+    assert all(one["within"] == "undecided" for one in drifting)
+    assert {"ExtendedKalmanFilter", "UnscentedKalmanFilter"} < oscillator.near("model_5")
+    for b in (body, motor):
+        smoothed = b.results.cell("drifts", "smoothed")
+        assert smoothed is not None
+        assert smoothed["ratio_high"] < 1
+    wrong = delay.rest("model", *GRIDS)[0]
+    assert wrong["method"] == "imm"
+    rows = [
+        ("Fault torque of a rigid body that jumps", _BANK, _next(body, "jumps", *BANKS)),
+        ("Fault of a linear plant that jumps", _BANK, _next(motor, "jumps", *BANKS)),
+        ("Fault of one channel, others healthy", _BANK, _next(motor, "healthy", *BANKS)),
+        ("Fault that drifts", f"{_BANK} or a random walk", f"undecided: {_between(drifting[0])}"),
+        (
+            "Fault that drifts, and the answer may wait", _SMOOTHER,
+            f"{_inverse(body, 'smoothed', 'drifts')} (a rigid body)",
+        ),
+        (
+            "Noise of measurements unknown or changing", "`noise_memory` of the filter",
+            _next(motor, "noise", "fault_bank_R", given=False) + " (three times the noise)",
+        ),
+        (
+            "State of a nonlinear plant", f"{_EXTENDED} or unscented",
+            f"{oscillator.ratio('normal_4')} ({_NORMAL})",
+        ),
+        (
+            "The same, parameters wrong by up to 10 %", _STATES,
+            _next(oscillator, "model", *WITH_STATES),
+        ),
+        ("Delay of an input", _GRID, _next(delay, "nominal", *GRIDS)),
+        ("The same, model wrong by up to 10 %", f"an IMM of delays, or {_GRID}",
+         f"{_between(wrong)} (IMM over grid)"),
+    ]  # fmt: skip
+    return table(("situation", "observer", "error of the best alternative"), rows)
+
+
+def _next(b: Bench, condition: str, *methods: str, given: bool | None = None) -> str:
+    """The ratio of the best of all other rows, which is more than 5 % worse, to the best."""
+    assert not [one for one in b.rest(condition, *methods, given=given) if one["within"] != "no"]
+    return _between(b.rest(condition, *methods, given=given)[0])
+
+
+def _between(cell: Mapping[str, Any]) -> str:
+    low, high = math.floor(100 * cell["ratio_low"]), math.ceil(100 * cell["ratio_high"])
+    return f"{cell['ratio']:.2f} [{low / 100:.2f}, {high / 100:.2f}]"
+
+
+def _inverse(b: Bench, method: str, condition: str) -> str:
+    """The ratio of the best causal row to a method."""
+    cell = b.results.cell(condition, method)
+    assert cell is not None
+    names = {"ratio": "ratio", "ratio_low": "ratio_high", "ratio_high": "ratio_low"}
+    return _between({one: 1 / cell[other] for one, other in names.items()})
+
+
+def across(body: Bench, motor: Bench, leak: Bench, oscillator: Bench, delay: Bench) -> str:
+    """What holds for several tasks, as a list."""
     tasks = (body, motor, leak, oscillator, delay)
     questions = [
-        _jumps(body, motor),
-        _may_wait(body, motor),
         _noise(*tasks),
-        _parameters(oscillator),
-        _healthy(body, motor),
         _thresholds(leak),
         _misses(leak),
         _variances(body, motor, oscillator, delay),
     ]
     lines = []
-    for number, (question, *branches) in enumerate(questions, 1):
-        lines.append(wrapped(question, f"{number}. "))
+    for question, *branches in questions:
+        lines.append(wrapped(question, "- "))
         lines += [wrapped(one, "    - ") for one in branches]
     return "\n".join(lines)
 
@@ -41,45 +108,6 @@ def wrapped(text: str, mark: str) -> str:
         break_long_words=False, break_on_hyphens=False,
     )  # fmt: skip
     return filled.replace("\0", " ")
-
-
-def _jumps(body: Bench, motor: Bench) -> list[str]:
-    others = [b.rest("drifts", *BANKS)[0] for b in (body, motor)]
-    assert all(one["within"] == "undecided" for one in others)
-    return [
-        "**Can the fault jump?**",
-        "Yes: a [`FaultBank`][reobserve.observers.fault_bank.FaultBank]. Where all faults jump it "
-        f"has {body.against('jumps', *BANKS)} of all others but banks on a rigid body, "
-        f"{motor.against('jumps', *BANKS)} on a motor.",
-        "No, it drifts: this is undecided. On the body a bank has "
-        f"{body('fault_bank', 'drifts'):.3f}, the best other {others[0]['error']:.3f}; on the "
-        f"motor {motor('fault_bank_R', 'drifts'):.3f} if it estimates R, "
-        f"{motor('fault_bank', 'drifts'):.3f} if not, and {others[1]['error']:.3f}.",
-    ]
-
-
-def _may_wait(body: Bench, motor: Bench) -> list[str]:
-    def first(b: Bench, condition: str = "nominal") -> float:
-        return float(b.rest(condition)[0]["error"])
-
-    for b, better, worse in (
-        (body, {"nominal", "noise", "model", "period", "jumps", "drifts"}, {"healthy"}),
-        (motor, {"drifts"}, {"jumps", "healthy"}),
-    ):
-        cells = {one: b.column(one) for one in b.results.task.table}
-        late = {one: cell[b.results.task.methods["smoothed"].label] for one, cell in cells.items()}
-        assert {one for one, cell in late.items() if cell["ratio_high"] < 1} == better
-        assert {one for one, cell in late.items() if cell["ratio_low"] > 1} == worse
-    return [
-        "**May the answer wait?** Then smooth "
-        "([`rts_smoother`][reobserve.observers.smoother.rts_smoother]) what drifts. On the body a "
-        f"smoothed random walk has {body('smoothed'):.3f}, the best causal row {first(body):.3f}; "
-        "it is worse on healthy axes only. On the motor it is better where faults drift, "
-        f"{motor('smoothed', 'drifts'):.3f} against {first(motor, 'drifts'):.3f}, worse than banks "
-        f"where they jump, {motor('smoothed', 'jumps'):.3f} against {first(motor, 'jumps'):.3f}, "
-        f"and on healthy channels, {motor('smoothed', 'healthy'):.3f} against "
-        f"{first(motor, 'healthy'):.3f}; else this is undecided. No bank was smoothed.",
-    ]
 
 
 def _noise(*tasks: Bench) -> list[str]:
@@ -115,29 +143,6 @@ def _noise(*tasks: Bench) -> list[str]:
         f"{tuned:.0f} % as tuned, up to {most:.0f} % in other columns, but {healthy[0]:.0f} and "
         f"{healthy[1]:.0f} % on healthy channels; at ten times the noise, up to {tenfold:.0f} % "
         "against giving R.",
-    ]
-
-
-def _parameters(oscillator: Bench) -> list[str]:
-    cost = 100 * (oscillator("ekf_ab") / oscillator("ekf") - 1)
-    assert {"ExtendedKalmanFilter", "UnscentedKalmanFilter"} < oscillator.near("model_5")
-    return [
-        "**Are few parameters wrong, and does the record excite them?** Make them states: on an "
-        f"oscillator {oscillator.against('model', *WITH_STATES)} of filters and observers without, "
-        f"if wrong by up to 10 %, which these filters know; "
-        f"{oscillator.against('model_20', *WITH_STATES)} by up to 20 %. By up to 5 % it is "
-        f"undecided, and {cost:.0f} % worse if they are right.",
-    ]
-
-
-def _healthy(body: Bench, motor: Bench) -> list[str]:
-    tuned = [one for one in motor.rest("healthy", *BANKS) if one["training"] != PAPER]
-    return [
-        "**Several faults, or one beside healthy channels?** In both cases a bank: on healthy "
-        f"ones it has {body.against('healthy', *BANKS)} (body) and "
-        f"{motor.against('healthy', *BANKS)} (motor; {tuned[0]['error']:.4f} of tuned rows, and "
-        f"{motor('fault_bank_R', 'healthy'):.4f} if it estimates R); with all faulty "
-        f"{body.against('all', *BANKS)} and {motor.against('all', *BANKS)}.",
     ]
 
 
