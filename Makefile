@@ -134,7 +134,7 @@ pages: $(STAMP)  ## run the code of the pages and update its output in them; PAG
 docs: $(DOCS) figures  ## the documentation and the report of the papers as a site that any static host serves, build/site
 	python -m docs.generate
 	NO_MKDOCS_2_WARNING=1 python -m mkdocs build --strict --config-file build/mkdocs.yml
-	@echo "build/site/index.html: the documentation"
+	@echo "python -m http.server --directory build/site 8000 serves it: http://localhost:8000"
 
 package: tag $(TOOLS)  ## what a release has: wheel, source archive, report and archive of a build in dist, checked; TAG=v1.2.3 must be the version
 	rm -rf dist

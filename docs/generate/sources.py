@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import subprocess
 from pathlib import Path
 
 import yaml
 from PIL import Image
 
 from docs.generate import api
+from docs.generate.markdown import Page
 from docs.generate.navigation import hand_written, navigation
 from docs.generate.parts import part
 from reobserve.core.errors import InputError
@@ -33,6 +35,13 @@ _EVIDENCE = re.compile(rf"\.\./\.\./({'|'.join(_SECTIONS)})/(\w+)(?:\.yaml)?(?=\
 
 _CODE = re.compile(r"`([^`]+)`")
 
+# How far up the search lists pages of a folder: those for users first.
+_BOOST = {
+    "start/": 4, "how-to/add-": 0.5, "how-to/": 4, "explanation/which": 4, "tutorials/": 2,
+    "reference/library/": 0.002, "reference/papers/": 0.001, "reference/": 0.05,
+    "findings/": 0.3, "project/": 0.3,
+}  # fmt: skip
+
 _DENSITY = 1.6  # pixels of an image to one of the page, as in the report
 
 
@@ -49,7 +58,9 @@ def write(root: Path, build: Path, report: Path) -> None:
     built = _with_linked(report)
     by_hand = root / "docs/pages"
     found = [
-        hand_written(file.relative_to(by_hand).as_posix(), _for_the_site(root, file))
+        hand_written(
+            file.relative_to(by_hand).as_posix(), _for_the_site(root, file) + _edit(root, file)
+        )
         for file in sorted(by_hand.rglob("*.md"))
     ]
     placed = [page for page, _ in sorted(found, key=lambda pair: pair[1])]
@@ -63,7 +74,7 @@ def write(root: Path, build: Path, report: Path) -> None:
     for page in pages:
         path = build / "docs" / page.path
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(page.text, encoding="utf-8")
+        path.write_text(_ranked(page), encoding="utf-8")
     places = {
         "INHERIT": os.path.relpath(root / "mkdocs.yml", build),
         "docs_dir": "docs",
@@ -72,6 +83,14 @@ def write(root: Path, build: Path, report: Path) -> None:
     }
     text = yaml.safe_dump(places, allow_unicode=True, sort_keys=False, width=1000)
     (build / "mkdocs.yml").write_text(text, encoding="utf-8")
+
+
+def _ranked(page: Page) -> str:
+    """The text of a page, with its rank in the search in its front matter."""
+    boost = next((boost for part, boost in _BOOST.items() if page.path.startswith(part)), 1)
+    begun = page.text.startswith("---\n")
+    _, front, text = page.text.split("---\n", 2) if begun else ("", "", page.text)
+    return f"---\n{front}search: {{boost: {boost}}}\n---\n{text}"
 
 
 def _with_linked(report: Path) -> list[Path]:
@@ -102,6 +121,17 @@ def _for_the_site(root: Path, page: Path) -> str:
     )
     sized = _IMAGE.sub(lambda found: _sized(page.parent, found), "".join(lines))
     return sized.replace("../../tests/reference/", "")
+
+
+def _edit(root: Path, page: Path) -> str:
+    """A link to change a page where the repository is hosted, if that is known."""
+    command = ["git", "config", "--get", "remote.origin.url"]
+    origin = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False).stdout
+    host = re.fullmatch(r"(?:https://|git@)([\w.-]+)[:/](.+?)(?:\.git)?/?\n", origin)
+    if host is None:
+        return ""
+    address = f"https://{host[1]}/{host[2]}/edit/main/{page.relative_to(root).as_posix()}"
+    return f"\n[Edit this page]({address}){{ .edit }}\n"
 
 
 def _broken(found: re.Match[str]) -> str:

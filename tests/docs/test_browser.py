@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator
 from functools import partial
@@ -89,15 +90,25 @@ def test_text_has_contrast_and_nothing_overflows(browser: Browser, address: str)
     finish(opened, address)
 
 
-def test_site_search_finds_an_observer(browser: Browser, address: str) -> None:
+@pytest.mark.parametrize(
+    ("asked", "leads_to"),
+    [
+        ("SampledILO", "/reference/library/observers/ilo/"),
+        *((asked, "first") for asked in ("missing measurements", "kalman", "outliers", "resample")),
+    ],
+)
+def test_site_search_leads_to_pages_for_users_first(
+    browser: Browser, address: str, asked: str, leads_to: str
+) -> None:
     opened = Watched(browser, address, viewport=WIDE)
     page = opened.page
     page.locator("input[name=query]").click()
-    page.keyboard.type("SampledILO")
-    found = page.locator(".md-search-result__link", has_text="SampledILO").first
+    page.keyboard.type(asked)
+    wanted = "" if leads_to == "first" else f"[href*='{leads_to}']"
+    found = page.locator(f".md-search-result__link{wanted}").first
     found.wait_for()
-    found.click()
-    page.wait_for_url("**/reference/library/**")
+    first = page.locator(".md-search-result__link").first.get_attribute("href") or ""
+    assert re.search(r"/(start|how-to|tutorials|explanation)/", first), first
     finish(opened, address)
 
 
