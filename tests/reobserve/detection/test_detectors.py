@@ -186,6 +186,24 @@ def test_partly_missing_measurement_has_the_distance_of_the_same_probability() -
 
 
 @pytest.mark.parametrize(
+    "detect",
+    [
+        lambda rate: chi_square_window([1.0], 1, 1, rate),
+        lambda rate: cusum_of_mean([0.0], 0.8, rate),
+        lambda rate: glr_of_mean([0.0], [1], rate),
+        lambda rate: glr_of_size([1.0], 1, [1], rate),
+    ],
+    ids=["chi_square_window", "cusum_of_mean", "glr_of_mean", "glr_of_size"],
+)
+def test_least_and_greatest_rates_are_accepted_and_no_others(detect: Any) -> None:
+    for rate in (1e-9, 0.1):
+        assert np.isfinite(detect(rate).threshold)
+    for rate in (np.nextafter(1e-9, 0.0), np.nextafter(0.1, 1.0)):
+        with pytest.raises(InputError, match="^false_alarm_rate: .* must be from 1e-09 to 0.1 "):
+            detect(rate)
+
+
+@pytest.mark.parametrize(
     ("call", "said"),
     [
         (lambda: chi_square_window([1.0], 1, 2, 0.0), "false_alarm_rate: 0 must be from 1e-09 to"),

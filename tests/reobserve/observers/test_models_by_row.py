@@ -151,6 +151,19 @@ def test_what_leads_to_the_next_row_is_held_over_to_a_run_without_it(name: str) 
     np.testing.assert_allclose(found["covariance"], wanted["covariance"][4:], rtol=1e-12)
 
 
+@pytest.mark.parametrize("kind", GIVEN)
+def test_one_row_alone_follows_what_an_earlier_run_was_given(kind: str) -> None:
+    """What led to the next row is held over to that row, and the model leads to the ones after."""
+    one, (y, u) = GIVEN[kind](), record()
+    first = one.observer.run(y[:4], u[:4], start=one.state, **part(one.given, slice(4)))
+    whole = one.observer.run(y[4:], u[4:], start=first.end)
+    row = one.observer.run(y[4:5], u[4:5], start=first.end)
+    rest = one.observer.run(y[5:], u[5:], start=row.end)
+    joined = {name: np.concatenate([row[name], rest[name]]) for name in whole}
+    assert not differing(joined, whole.estimates)
+    assert not differing(remembered(rest.end), remembered(whole.end))
+
+
 def test_a_step_takes_matrices_without_the_axis_of_rows() -> None:
     one, (y, u), rows = KalmanFilter(MODEL), record(), random_rows()
     state = one.init([0.0] * 3, 1.0)

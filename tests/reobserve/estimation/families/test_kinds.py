@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import optimize
 from scipy.linalg import expm
 
 from reobserve.core.documents import Tree, parse_yaml
@@ -113,6 +114,39 @@ def test_adaptive_observer_poles_agree_with_closed_form() -> None:
     gains["proportional_gain"] = -40.0
     with pytest.raises(InputError, match=r"^observer_gain: .* errors with the poles 1[+-]6.2\d*j"):
         design("adaptive", inertia=np.diag([5.0, 5.0, 5.0]).tolist(), gains=gains).certify()
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0, 85.0])
+def test_adaptive_observer_is_certified_up_to_the_poles_that_its_steps_follow(
+    degrees: float,
+) -> None:
+    """Poles at an angle from the negative axis, just inside and outside of where |R(p T)| is 1."""
+    ray, period, inertia = -np.exp(1j * np.radians(degrees)), 0.01, 5.0
+
+    def grows(size: float) -> float:
+        z = size * ray  # the fourth-order Runge-Kutta method multiplies e' = p e by R(z)
+        return abs(np.polyval([1 / 24, 1 / 6, 1 / 2, 1, 1], z)) - 1
+
+    # From one on: near the imaginary axis |R| is close to one for short steps, too.
+    limit = optimize.brentq(grows, 1.0, 4.0)
+    for factor, follows in ((0.99, True), (1.01, False)):
+        rate = factor * limit / period
+        gains = {
+            "observer_gain": inertia * 2 * rate * -ray.real, "integral_gain": inertia * rate**2,
+            "proportional_gain": 0.0,
+        }  # fmt: skip
+        built = design(
+            "adaptive", inertia=(inertia * np.eye(3)).tolist(), gains=gains, sampling_period=period
+        )
+        observer, y = built.observer, np.zeros((2000, 3))
+        start = observer.init([1e-9, 0.0, 0.0])
+        errors = np.abs(observer.run(y, y, start=start, on_divergence="return")["fault"])
+        assert (errors[-100:].max() < errors[:100].max()) == follows
+        if follows:
+            built.certify()
+        else:
+            with pytest.raises(InputError, match=r"which steps of 0\.01 s do not follow"):
+                built.certify()
 
 
 def test_high_gain_error_decays_within_the_proved_bound() -> None:

@@ -18,6 +18,7 @@ from reobserve_papers.papers.delay.estimator_variable_structure import (
     VariableStructureDelayEstimator,
 )
 from tests.reobserve_papers.papers.delay.scalar_plant import (
+    ALL,
     BOUNDS,
     FAST,
     SMOOTH,
@@ -262,6 +263,18 @@ def test_chatter_is_constant_for_the_delay_and_quadratic_for_its_inverse() -> No
     assert np.allclose(width["delay"], gain * h, rtol=1e-9)
     assert np.allclose(width["inverse"], gain * h * np.square(delays), rtol=0.01)
     assert width["inverse"][1] / width["inverse"][2] == pytest.approx(16, rel=0.02)
+
+
+@pytest.mark.parametrize("kind", ALL)
+def test_constant_input_leaves_the_delay_where_it_is(kind: str) -> None:
+    """Where u' = 0 nothing depends on the delay."""
+    estimator = ALL[kind](0.01)
+    y, control, past = record(estimator, Input(0.0), constant(0.6), 2.0)
+    for noise in (0.0, 1e-3):
+        noisy = y + noise * np.random.default_rng(1).standard_normal(y.shape)
+        delay = observed(estimator, (noisy, control, past))[:, 0]
+        assert np.all(np.isfinite(delay))
+        assert np.ptp(delay) < 1e-12
 
 
 @pytest.mark.parametrize(("on", "safe"), [("delay", 0.9), ("inverse", 0.55)])
