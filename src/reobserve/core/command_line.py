@@ -167,7 +167,12 @@ def run_command(
             said = f"{place}: cannot be written ({error.strerror})"
         if said is None:
             raise
-        print(f"{program}: {one_line(said, _MOST_SAID)}", file=sys.stderr)
+        problems = getattr(error, "problems", [error])
+        for problem in problems:
+            sentence = said if problem is error else str(problem)
+            print(f"{program}: {one_line(sentence, _MOST_SAID)}", file=sys.stderr)
+            for note in getattr(problem, "__notes__", ()):
+                print(f"  {one_line(note)}", file=sys.stderr)
         return 1
     return 0
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import reprlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -46,6 +46,18 @@ class InputError(ReobserveError, ValueError):
     def renamed(self, parameter: str) -> InputError:
         """The same problem, of what a caller calls the parameter."""
         return InputError(parameter, self.problem)
+
+
+class ProblemsError(InputError):
+    """All ``problems`` of an input, of which the first one has its parameter and its problem."""
+
+    def __init__(self, problems: Sequence[InputError]) -> None:
+        self.problems = problems
+        super().__init__(problems[0].parameter, problems[0].problem)
+
+    def __str__(self) -> str:
+        lines = [[str(one), *getattr(one, "__notes__", ())] for one in self.problems]
+        return "\n".join("\n  ".join(part) for part in lines)
 
 
 class DivergenceError(ReobserveError, ArithmeticError):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.estimation.dates import SECOND, spelled
+from reobserve.estimation.refusals import Refusals
 
 Array = NDArray[np.float64]
 
@@ -219,6 +220,7 @@ class DataReport:
     latest: int | None = None
     shift: int | None = None
     zone: str = ""
+    refusals = Refusals()  # which raises the first one, of a record that is no file
 
     def clock(self, timestamp: int | None) -> float:
         """The time [s] of the next timestamp [ns since 1970], nan for none, from the first on."""
@@ -296,7 +298,7 @@ class DataReport:
 
 # Counts by which a stream goes on, and nobody asks.
 _INTERNAL = frozenset(
-    ["unbridged", "angles", "levels", "filling", "latest", "shift", "origin", "period"]
+    ["unbridged", "angles", "levels", "filling", "latest", "shift", "origin", "period", "refusals"]
 )
 _TIMES = ("first", "last", "earlier", "gaps", "start", "end")
 

@@ -21,6 +21,7 @@ from reobserve.estimation.interpolation import Interpolation, Settled
 from reobserve.estimation.layout import Layout, lay_out
 from reobserve.estimation.observer_design import Design
 from reobserve.estimation.output_columns import Outputs, outputs
+from reobserve.estimation.refusals import Refusals
 from reobserve.estimation.specification import Specification
 from reobserve.estimation.start_up import start_up
 from reobserve.estimation.timestamps import Timestamps
@@ -56,6 +57,8 @@ class Estimation:
         The titles of the record's columns.
     place
         What the record is called in messages.
+    refusals
+        What takes refusals of rows; without it, the first one is raised.
 
     Raises
     ------
@@ -63,7 +66,13 @@ class Estimation:
         If the observer cannot be made, or it, the columns and the policies do not fit.
     """
 
-    def __init__(self, specification: Specification, header: list[str], place: str) -> None:
+    def __init__(
+        self,
+        specification: Specification,
+        header: list[str],
+        place: str,
+        refusals: Refusals | None = None,
+    ) -> None:
         self.specification, self.place = specification, place
         sampling, period = specification.sampling, specification.sampling.period
         with located("observer"):
@@ -80,13 +89,25 @@ class Estimation:
                 problem = f"{word} is for observers that predict without measurements, as Kalman "
                 raise InputError(f"sampling.{key}", f"{problem}filters do; here it may be {others}")
         self.whole = _whole(self.observer) if specification.smooth else None
-        self.prepare()
+        self.report = DataReport(period=period)
+        self.report.refusals = refusals or self.report.refusals
+        clock, timed = self.layout.clock, self.layout.timed
+        self.timestamps = Timestamps(
+            sampling, self.report, place,
+            None if clock is None else clock.dates,
+            specification.columns.time.wrap is not None,
+            tuple(zip(self.layout.names, self.layout.units, strict=True))[timed:],
+        )  # fmt: skip
+        width, names = self.layout.measurements, self.layout.names[timed:]
+        holds = self.layout.holds[timed:]
+        every = self.design.holds_inputs  # input, and not only those whose cells are empty
+        held = tuple(c >= width and (every or hold) for c, hold in enumerate(holds))
+        self.interpolation = _interpolation(specification, held)
+        self.gaps = Gaps(sampling, self.report, place, names, width, self.can_skip, holds)
         self.report.warnings += self.design.unseen
         self.state: Any = None
         self.waiting: list[Stretch] = []  # for a smoother, up to the next start
         self.first_rows: FirstRows | None = None
-        width = self.layout.measurements
-        names = self.layout.names[self.layout.timed :]
         self.sample = self._sample(width, len(names) - width)
         self.outputs: Outputs = outputs(
             self.design, self.layout, self.sample, specification.estimates
@@ -99,27 +120,6 @@ class Estimation:
             "outlier" in self.sample and getattr(self.observer, "outliers", "skip") == "skip",
             self.timestamps.dates,
         )  # fmt: skip
-
-    def prepare(self) -> None:
-        """Set up what takes rows, with an empty report."""
-        sampling, place = self.specification.sampling, self.place
-        self.report = DataReport(period=sampling.period)
-        clock = self.layout.clock
-        self.timestamps = Timestamps(
-            sampling,
-            self.report,
-            place,
-            None if clock is None else clock.dates,
-            self.specification.columns.time.wrap is not None,
-            tuple(zip(self.layout.names, self.layout.units, strict=True))[self.layout.timed :],
-        )
-        timed, width = self.layout.timed, self.layout.measurements
-        names = self.layout.names[timed:]
-        holds = self.layout.holds[timed:]
-        every = self.design.holds_inputs  # input, and not only those whose cells are empty
-        held = tuple(c >= width and (every or hold) for c, hold in enumerate(holds))
-        self.interpolation = _interpolation(self.specification, held)
-        self.gaps = Gaps(sampling, self.report, place, names, width, self.can_skip, holds)
 
     def _sample(self, measurements: int, inputs: int) -> Any:
         """The estimates of a row of zeros, for their shapes, which compiles what is to run.
@@ -165,10 +165,6 @@ class Estimation:
         DivergenceError
             If the observer diverges, with the time of the record.
         """
-        return self._estimate(self.slots(raw), False)
-
-    def slots(self, raw: Array) -> Settled:
-        """The measurements and inputs at the times of samples, as `feed` takes and refuses rows."""
         time, values = self.layout.values(raw, self.report)
         if not self.layout.timed:
             first = self.report.rows
@@ -176,7 +172,7 @@ class Estimation:
             time = self.specification.sampling.period * rows
         if self.specification.sampling.repeated != "merge":
             self.layout.fill(values, self.report)
-        return self._settled(self.timestamps.read(time, values))
+        return self._estimate(self._settled(self.timestamps.read(time, values)), False)
 
     def _settled(self, rows: tuple[Array, Array, Array]) -> Settled:
         if self.specification.sampling.repeated == "merge":
@@ -185,18 +181,12 @@ class Estimation:
 
     def finish(self) -> Estimated:
         """The estimates that waited for rows which do not come."""
-        *waiting, last = self.last_slots()
-        parts = [self._estimate(rows, False) for rows in waiting]
-        result = _concatenated([*parts, self._estimate(last, True)])
-        warn_of_start_up(self.report)
-        return result
-
-    def last_slots(self) -> list[Settled]:
-        """The same as `slots`, of rows that waited for others."""
         rows = self.timestamps.finish()
         self.timestamps.check_period()
-        waiting = [self._settled(rows)] if len(rows[0]) else []
-        return [*waiting, self.interpolation.finish()]
+        parts = [self._estimate(self._settled(rows), False)] if len(rows[0]) else []
+        result = _concatenated([*parts, self._estimate(self.interpolation.finish(), True)])
+        warn_of_start_up(self.report)
+        return result
 
     def _none(self) -> Estimated:
         width, signals = len(self.outputs.columns), len(self.alarms)
@@ -205,7 +195,10 @@ class Estimation:
         )
 
     def _estimate(self, rows: Settled, final: bool) -> Estimated:
-        stretches = [one._replace(u=self.inputs.of(one.u)) for one in self.gaps.feed(rows, final)]
+        taken = self.gaps.feed(rows, final)
+        if self.report.refusals.found:
+            return self._none()
+        stretches = [one._replace(u=self.inputs.of(one.u)) for one in taken]
         if self.whole is not None:
             stretches = self._from_start_to_start(stretches, final)
         parts = [self._run(stretch) for stretch in stretches]

@@ -7,7 +7,9 @@ import csv
 import io
 import json
 import sys
+from collections import deque
 from collections.abc import Iterator
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,7 @@ from reobserve.estimation.dialect import Dialect, read_head
 from reobserve.estimation.estimate import Estimated, Estimation
 from reobserve.estimation.estimates_plot import Plot, check_plot
 from reobserve.estimation.record_file import BLOCK, File, Tell
+from reobserve.estimation.refusals import NotedRefusals
 from reobserve.estimation.report_table import as_table
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.sampling_grid import RESAMPLING, UnevenError, least_jitter
@@ -91,16 +94,12 @@ def run(
 
 
 def print_check(specification: Path, data: Path | None, out: Path | None = None) -> None:
-    """Print all that refuses a record, and what would accept it."""
+    """Run an observer over a record and write nothing, for what would refuse it."""
     if data is None or out is not None:
         raise InputError("--check", "reads a specification and a record, and writes nothing")
-    from reobserve.estimation.record_check import check
-
-    findings = check(specification, data)
-    print(findings.text(str(data)))
-    if number := len(findings.refusals):
-        sys.stdout.flush()
-        raise InputError(str(data), f"is refused for {number} reason{'s' * (number > 1)}")
+    chosen = read_specification(specification)
+    report = estimate_file(chosen, data, None).report
+    print(f"{data} is accepted\n{as_table(report, chosen.sampling.period)}")
 
 
 def print_suggestion(data: Path, specification: Path | None = None) -> None:
@@ -116,7 +115,7 @@ def print_suggestion(data: Path, specification: Path | None = None) -> None:
 def estimate_file(
     specification: Specification,
     data: Path,
-    out: Path,
+    out: Path | None,
     *,
     plot: Path | None = None,
     report: Path | None = None,
@@ -126,8 +125,10 @@ def estimate_file(
     """Estimate a record in a file and write another, with what became of it in the report.
 
     Text has as many significant ``digits``, or the shortest that read back to the same numbers.
+    Without a name ``out`` nothing is written. One error has all that refuses the record.
     """
-    check_name(out)
+    if out is not None:
+        check_name(out)
     if plot is not None:
         check_plot(plot)
     written = [path.absolute() for path in (out, plot, report) if path is not None]
@@ -136,18 +137,19 @@ def estimate_file(
         if written.count(path) > 1 or path == data.absolute():
             raise InputError(str(path), "is named twice; each file needs a name of its own")
     file = File(data, Dialect.of(specification), block)
-    estimation = Estimation(specification, file.header(), str(data))
+    refusals = NotedRefusals()
+    estimation = Estimation(specification, file.header(), str(data), refusals)
+    refusals.survey = partial(_over_all, estimation, file)  # type: ignore[method-assign]
     curves = None if plot is None else Plot(estimation)
 
     def about() -> dict[str, Any]:
         return as_json(estimation.report, {"record": data.name})
 
-    with file.lines(), progress(f"{data.name}: {{:.0%}} read") as tell:
-        blocks = _blocks(estimation, file, curves, tell)
-        try:
+    with progress(f"{data.name}: {{:.0%}} read") as tell:
+        blocks = _blocks(estimation, file, refusals, curves, tell)
+        if out is not None:
             write_results(out, estimation.titles, blocks, about, estimation.report, digits)
-        except UnevenError as error:
-            raise _over_all(error, estimation, file) from None
+        deque(blocks, maxlen=0)
     if curves is not None and plot is not None:
         curves.save(plot)
     if report is not None:
@@ -155,42 +157,52 @@ def estimate_file(
     return estimation
 
 
-def _over_all(error: UnevenError, estimation: Estimation, file: File) -> InputError:
-    """The same, with what the whole record says of the jitter and the sampling period."""
+def _over_all(
+    estimation: Estimation, file: File, error: UnevenError
+) -> tuple[InputError, float | None]:
+    """What the whole record says of the jitter and the sampling period, and the jitter."""
     layout, period = estimation.layout, estimation.specification.sampling.period
-    blocks = file.blocks(layout.titles[:1], layout.clock)
     report = DataReport()
-    times = (layout.times(block, report) for block in blocks)
-    least, interval = least_jitter(times, period)
-    if interval is not None:
-        return InputError(
-            "sampling.period",
-            f"{period:g} s disagrees with the timestamps of {file.path} ({RESAMPLING}), which go "
-            f"on by {interval:.6g} s on average",
-        )
-    return UnevenError(error.finding, error.row, least, "the record")
+    report.refusals = NotedRefusals()  # which the run lists
+    blocks = file.blocks(layout.titles[:1], layout.clock, report)
+    least, interval = least_jitter((layout.times(block, report) for block in blocks), period)
+    if interval is None:
+        return UnevenError(error.finding, error.row, least, "the record"), least
+    problem = (
+        f"{period:g} s disagrees with the timestamps of {file.path} ({RESAMPLING}), which go on by "
+        f"{interval:.6g} s on average"
+    )
+    return InputError("sampling.period", problem), None
 
 
 def _blocks(
-    estimation: Estimation, file: File, curves: Plot | None, tell: Tell
+    estimation: Estimation, file: File, refusals: NotedRefusals, curves: Plot | None, tell: Tell
 ) -> Iterator[Estimated]:
+    """The estimates of a record (raises all that refuses it, at its end)."""
     first_rows = estimation.first_rows = FirstRows()
-    layout = estimation.layout
-    for raw in file.blocks(layout.titles, layout.clock, estimation.report, tell):
-        block = estimation.feed(raw)
-        if curves is not None:
-            curves.add(block)
-        yield block
-    block = estimation.finish()
-    if curves is not None:
-        curves.add(block)
-    yield block
+    try:
+        for block in _estimated(estimation, file, tell):
+            if not refusals.found:
+                if curves is not None:
+                    curves.add(block)
+                yield block
+    except InputError as error:  # after which nothing can be read
+        refusals.refuse(("",), error)
+    if refusals.found:
+        raise refusals.error(file.lines_at, estimation.can_skip)
     if not estimation.report.estimates:
-        empty = [name for name in layout.held if name not in estimation.report.levels]
+        empty = [name for name in estimation.layout.held if name not in estimation.report.levels]
         hint = f"; {', '.join(empty)} never has a value" if empty else ""
         raise InputError(str(file.path), f"has no row from which the observer could start{hint}")
     for sentence in diagnostics(estimation, first_rows):
         estimation.report.warn(sentence)
+
+
+def _estimated(estimation: Estimation, file: File, tell: Tell) -> Iterator[Estimated]:
+    layout, report = estimation.layout, estimation.report
+    for raw in file.blocks(layout.titles, layout.clock, report, tell):
+        yield estimation.feed(raw)
+    yield estimation.finish()
 
 
 def estimate_stream(

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.interpolation import Settled
+from reobserve.estimation.refusals import PolicyError
 from reobserve.estimation.specification import Sampling
-from reobserve.estimation.text_rows import PolicyError
 
 Array = NDArray[np.float64]
 
@@ -65,6 +65,7 @@ class Gaps:
         p = self.measurements
         y, u = rows.values[:, :p], rows.values[:, p:]
         there: NDArray[np.bool_] = np.isfinite(rows.values)
+        self.report.refusals.forget(float(rows.time[0]))
         self._count(rows, there)
         if there.all() and self.started and not self.in_gap:
             self.last = float(rows.time[-1])
@@ -87,7 +88,7 @@ class Gaps:
                 begins = self._begins(float(rows.time[k]))
                 if begins and self.report.restarts:
                     status[k] = RESTARTED
-            elif self._bridges(k, rows, bool(known[k]), final):
+            elif not self._is_excused(k, rows) and self._bridges(k, rows, bool(known[k]), final):
                 status[k] = PREDICTED
             else:
                 continue
@@ -114,30 +115,40 @@ class Gaps:
         self.started, self.last = True, now
         return begins
 
+    def _is_excused(self, k: int, rows: Settled) -> bool:
+        """True if what a row lacks was refused, as which it counts as there."""
+        now, even = float(rows.time[k]), self.sampling.uneven == "refuse"
+        excused = self.report.refusals.excuses(now, even)
+        if excused:
+            self.started, self.last, self.in_gap = True, now, False
+        return excused
+
     def _bridges(self, k: int, rows: Settled, known: bool, final: bool) -> bool:
         """True if the observer predicts over a row without measurements, which may open a gap."""
-        sampling = self.sampling
+        sampling, now = self.sampling, float(rows.time[k])
         first = not self.started and not self.in_gap
         if first and any(self.holds) and np.isnan(rows.values[k, list(self.holds)]).any():
             self.report.before_start += 1
             return False
-        if sampling.missing == "refuse":
-            self._refuse(k, rows)
+        refused = sampling.missing == "refuse"
+        if refused:
+            self._refuse("missing", k, rows)
         if not self.started or self.last is None:
             if self.in_gap:
                 self.report.dropped += 1
             else:
                 self.report.before_start += 1
             return False
-        near = float(rows.time[k]) - self.last <= sampling.longest * (1.0 + 1e-9)
-        if sampling.missing == "skip" and near and known:
+        beyond = sampling.period if refused and not self.reads_missing else 0.0
+        near = now - self.last + beyond <= sampling.longest * (1.0 + 1e-9)
+        if near and (refused or (sampling.missing == "skip" and known)):
             return True
         if final and not self.in_gap and sampling.missing == "interpolate":
             self.report.after_end += 1
             return False
-        if sampling.at_gap == "refuse":
-            self._refuse(k, rows)
         if not self.in_gap:
+            if sampling.at_gap == "refuse":
+                self._refuse("at_gap", k, rows)
             self.in_gap = True
             self.report.open_gap(self.last)
         if sampling.at_gap == "coast" and known:
@@ -146,20 +157,25 @@ class Gaps:
         self.started = False
         return False
 
-    def _refuse(self, k: int, rows: Settled) -> None:
-        sampling, said = self.sampling, self.report.said
+    def _refuse(self, key: str, k: int, rows: Settled) -> None:
+        now, refusals = float(rows.time[k]), self.report.refusals
         lost = np.flatnonzero(np.isnan(rows.values[k]))
         listed = ", ".join(self.columns[c] for c in lost[:4])
-        key = "missing" if sampling.missing == "refuse" else "at_gap"
+        at, where = refusals.at(now)
+        kind = (f"sampling.{key}", listed, where)
+        refusals.refuse(kind, lambda: self._refusal(key, now, listed), at)
+
+    def _refusal(self, key: str, now: float, listed: str) -> PolicyError:
+        said = self.report.said
         if key == "missing":
             others = "interpolate or skip" if self.reads_missing else "interpolate"
-            when = f"at {said(float(rows.time[k]))}"
+            when = f"at {said(now)}"
         else:
             others = "restart or coast" if self.reads_missing else "restart"
             since = "the start" if self.last is None else said(self.last, 14)
-            when = f"from {since} on for longer than sampling.gap, {sampling.longest:g} s"
+            when = f"from {since} on for longer than sampling.gap, {self.sampling.longest:g} s"
         problem = f"{listed} missing {when}; sampling.{key} is refuse, set it to {others}"
-        raise PolicyError(self.place, problem, f"sampling.{key}")
+        return PolicyError(self.place, problem, f"sampling.{key}")
 
     def _count(self, rows: Settled, there: NDArray[np.bool_]) -> None:
         for c, name in enumerate(self.columns):

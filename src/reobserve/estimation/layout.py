@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.errors import InputError, ProblemsError, nearest, shown
 from reobserve.core.units import check_unit, readings
 from reobserve.estimation.clock import Clock, Dates
 from reobserve.estimation.data_report import DataReport
@@ -17,8 +17,8 @@ from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.dialect import SIGNS
 from reobserve.estimation.observer_design import Design
 from reobserve.estimation.quantities import SAME, Conversion, agree, conversion
+from reobserve.estimation.refusals import RowError, Rows
 from reobserve.estimation.specification import Column, Columns, Constant, TimeColumn
-from reobserve.estimation.text_rows import RowError
 
 Array = NDArray[np.float64]
 
@@ -28,14 +28,6 @@ _BRACKETS = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\
 _COMMA = re.compile(r"(.*[^\s,])\s*,\s*([^\s,].*)")
 _INDEX = re.compile(r".*\S(\[\d+\]|\(\d+\))\s*")  # as in gyro[1], which is no unit
 _STROKE = re.compile(r"([^/]*[^\s/])\s*/\s*([^\s/].*)")
-
-
-class ColumnsError(InputError):
-    """All ``problems`` of the columns of a record, of which the first one is the message."""
-
-    def __init__(self, problems: Sequence[InputError]) -> None:
-        self.problems = problems
-        super().__init__(problems[0].parameter, problems[0].problem)
 
 
 @dataclass(frozen=True)
@@ -70,20 +62,31 @@ class Layout:
         return self.clock is not None and self.clock.dates is not None
 
     def _check_counter(self, raw: Array, report: DataReport) -> None:
-        """Refuse a counter that is not below the number at which it begins again."""
+        """Refuse rows whose counter is not below the number at which it begins again."""
         if self.clock is None or not self.periods[0]:
             return
         wrap = self.periods[0] / abs(self.conversions[0].factor)
         numbers = raw[:, 0] + self.clock.epoch(report)
-        beyond = (numbers < 0.0) | (numbers >= wrap)
-        if beyond.any():
-            row = int(beyond.argmax())
-            problem = f"{wrap:.15g} must be above {numbers[row]:.15g}, as {{at}} has"
-            raise RowError("columns.time.wrap", problem, report.rows + row + 1)
+        beyond = np.flatnonzero((numbers < 0.0) | (numbers >= wrap))
+        if len(beyond):
+            rows, key = report.rows + beyond + 1, "columns.time.wrap"
+            problem = f"{wrap:.15g} must be above {numbers[beyond[0]]:.15g}, as {{at}} has"
+            report.refusals.refuse((key,), lambda: RowError(key, problem, int(rows[0])), rows)
+            report.refusals.leave_out(rows)
+            raw[beyond, 0] = np.nan
 
     def times(self, raw: Array, report: DataReport) -> Array:
         """Times [s] from the cells of rows, as `values` has them."""
         return self._column(raw[:, 0].copy(), 0, report)
+
+    def _refuse(self, column: int, value: float, rows: Rows, report: DataReport) -> None:
+        """Refuse rows with infinite numbers, such as ``value``, in a column."""
+        title = self.titles[column]
+        problem = f"{{at}} is {value}, must be a number, or empty if it is missing"
+        report.refusals.refuse(
+            (title, "infinite"), lambda: RowError(title, problem, int(rows[0])), rows
+        )
+        report.refusals.leave_out(rows)
 
     def values(self, raw: Array, report: DataReport) -> tuple[Array, Array]:
         """Times [s], empty without a column for them, and y and u, from the cells of rows.
@@ -93,13 +96,12 @@ class Layout:
         InputError
             If a cell is infinite.
         """
-        if np.isinf(raw).any():
-            row, column = np.argwhere(np.isinf(raw))[0]
-            raise RowError(
-                self.titles[column],
-                f"{{at}} is {raw[row, column]}, must be a number, or empty if it is missing",
-                report.rows + int(row) + 1,
-            )
+        infinite = np.isinf(raw)
+        if infinite.any():
+            for column in np.flatnonzero(infinite.any(axis=0)).tolist():
+                at = np.flatnonzero(infinite[:, column])
+                self._refuse(column, float(raw[at[0], column]), report.rows + at + 1, report)
+            raw = np.where(infinite, np.nan, raw)
         self._check_counter(raw, report)
         columns = [self._column(raw[:, c].copy(), c, report) for c in range(raw.shape[1])]
         time = columns[0] if self.timed else np.empty(0)
@@ -221,7 +223,7 @@ def _find(
         known = any(_matches(name, header) for name in _names(columns))
         if not known and "did you" not in first.problem:
             problems = [InputError(first.parameter, first.problem + _no_header(header))]
-        raise ColumnsError(problems)
+        raise problems[0] if len(problems) == 1 else ProblemsError(problems)
     return parts, clock
 
 

@@ -27,8 +27,9 @@ from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO
 from reobserve.estimation.dialect import Dialect, Head, bare, read_head
 from reobserve.estimation.file_format import NOTHING
+from reobserve.estimation.refusals import RowError
 from reobserve.estimation.streaming import LONGEST
-from reobserve.estimation.text_rows import RowError, TextRows
+from reobserve.estimation.text_rows import TextRows
 
 Array = NDArray[np.float64]
 Tell = Callable[[float], None]
@@ -150,15 +151,18 @@ class File:
         head = self.head()
         for why, count in head.left_out.items():
             report.count(report.left_out, why, count)
-        rows = self.rows(head, columns, clock, report)
+        rows, count = self.rows(head, columns, clock, report), 0
         for above, text in self.texts(head.lines, self.block, tell):
             rows.line, counted, latest = above, dict(report.left_out), report.latest
             try:
                 values = self._at_once(rows, text)
             except ValueError:  # of pyarrow, too
                 rows.line, report.left_out, report.latest = above, counted, latest
-                read = map(rows.read, lines_of(text))
-                values = np.array([numbers for numbers in read if numbers is not None])
+                read = [row for line in lines_of(text) for row in rows.read(line)]
+                values = np.array([numbers for numbers, _ in read])
+                lost = [count + k for k, (_, complete) in enumerate(read, 1) if not complete]
+                report.refusals.leave_out(lost)
+            count += len(values)
             if len(values):
                 yield values
         rows.finish()
@@ -252,18 +256,21 @@ class File:
 
         return pa.input_stream(packed or pa.OSFile(str(self.path)), _PACKED.get(self._ending))
 
-    def line_of(self, row: int) -> int | None:
-        """The line of a row in the file, both from 1 on, or None in a Parquet file."""
-        if self.columnar:
-            return None
+    def lines_at(self, numbers: Sequence[int]) -> dict[int, int]:
+        """The lines of rows in the file, both from 1 on, none in a Parquet file."""
+        lines, count, wanted = dict[int, int](), 0, set(numbers)
+        if self.columnar or not wanted:
+            return lines
         head = self.head()
         rows = self.rows(head, (), None, DataReport())
         for _, text in self.texts(head.lines, self.block):
             for line in lines_of(text):
-                row -= rows.row(line) is not None
-                if row == 0:
-                    return rows.line
-        return None
+                count += (is_row := rows.row(line) is not None)
+                if is_row and count in wanted:
+                    lines[count] = rows.line
+                    if len(lines) == len(wanted):
+                        return lines
+        return lines
 
     @contextmanager
     def lines(self) -> Iterator[None]:
@@ -271,7 +278,7 @@ class File:
         try:
             yield
         except RowError as error:
-            raise error.at_line(self.line_of(error.row)) from None
+            raise error.at_line(self.lines_at([error.row]).get(error.row)) from None
 
     def _times(self, batch: Any, clock: Clock, rows: int, report: DataReport) -> Array:
         """Times of a block of a Parquet file."""
@@ -309,10 +316,15 @@ class File:
             zip(*(column.to_pylist() for column in columns), strict=True), rows + 1
         ):
             texts = [bare(cell or "") for cell in cells]
-            seconds.append(
-                math.nan if any(text in NOTHING for text in texts) else
-                dates.seconds(" ".join(texts), f"row {row} {where}", str(self.path), report)
-            )  # fmt: skip
+            time = math.nan
+            if not any(text in NOTHING for text in texts):
+                try:
+                    place = str(self.path)
+                    time = dates.seconds(" ".join(texts), f"row {row} {where}", place, report)
+                except InputError as error:
+                    report.refusals.refuse((where,), error, line=row)
+                    report.refusals.leave_out([row])
+            seconds.append(time)
         return np.array(seconds)
 
     def _floats(self, column: Any, name: str) -> Array:

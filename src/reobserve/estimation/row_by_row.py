@@ -17,7 +17,8 @@ from reobserve.core.errors import InputError, shown
 from reobserve.estimation.dialect import Dialect, Head, read_head
 from reobserve.estimation.estimate import Estimated, Estimation
 from reobserve.estimation.gaps import MEASURED, STATUSES
-from reobserve.estimation.text_rows import RowError, TextRows
+from reobserve.estimation.refusals import RowError
+from reobserve.estimation.text_rows import TextRows
 from reobserve.estimation.writing import line as result
 from reobserve.estimation.writing import text
 from reobserve.observers.contract import Observer, StateKind

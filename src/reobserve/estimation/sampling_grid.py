@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.kernel import kernel
-from reobserve.estimation.text_rows import RowError
+from reobserve.estimation.refusals import RowError
 
 Array = NDArray[np.float64]
 
@@ -97,7 +97,8 @@ def least_jitter(blocks: Iterable[Array], period: float) -> tuple[float | None, 
     count, total, squares, last = 0, 0.0, 0.0, np.empty(0)
     for block in blocks:
         time = block[np.isfinite(block)]
-        time = time[np.diff(time, prepend=last if len(last) else -np.inf) != 0]  # not repeated
+        before = np.concatenate([last if len(last) else [-np.inf], time])[:-1]
+        time = time[time > np.maximum.accumulate(before)]  # not repeated, and not back
         passed = np.zeros(len(time))
         for jitter, grid in list(grids.items()):
             if placed(time, grid, period, jitter, True, passed)[0] < len(time):

@@ -10,52 +10,20 @@ import csv
 import io
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from reobserve.core.errors import InputError, shown
 from reobserve.estimation.clock import Clock
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.dialect import COMMENTS, UNDECODED, Dialect, Head, bare
+from reobserve.estimation.refusals import Kind
 
 _DATED = re.compile(r"\d{1,4}[./-]\d\d?[./-]\d{2,4} \d")
 _HOUR = re.compile(r"\d\d?:\d\d")
 _DECIMAL = re.compile(r"[+-]?\d*([.,])(\d+)([eE][+-]?\d+)?")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([.,'’ \u00a0\u202f])\d{3})(?:\1\d{3})*(?:([.,])\d*)?")
 _REPEATED, _TAIL = "repeated headers", "last line"
-
-
-class PolicyError(InputError):
-    """A refusal by a policy of a specification, and the ``key`` that states the policy."""
-
-    def __init__(self, parameter: str, problem: str, key: str = "") -> None:
-        self.key = key
-        super().__init__(parameter, problem)
-
-
-class RowError(PolicyError):
-    """A problem in a row, which counts from 1.
-
-    Parameters
-    ----------
-    parameter
-        What is wrong, as in `InputError`.
-    problem
-        The rest of the sentence, with ``{at}`` for the row.
-    key
-        That of a policy which refuses it, if there is one.
-    """
-
-    def __init__(self, parameter: str, problem: str, row: int, key: str = "") -> None:
-        self.template, self.row = problem, row
-        super().__init__(parameter, problem.replace("{at}", f"row {row}", 1), key)
-
-    def at_line(self, line: int | None) -> RowError:
-        """The same by the line of the file, if it has lines."""
-        if line is not None:
-            problem = self.template.replace("{at}", f"line {line}", 1)
-            InputError.__init__(self, self.parameter, problem)
-        return self
 
 
 class TextRows:
@@ -90,8 +58,8 @@ class TextRows:
         self.places = [head.titles.index(title) for title in columns]
         self.clocks = [] if clock is None else [head.titles.index(title) for title in clock.titles]
         self.line = head.lines
-        self.ended, self.repeats = True, False
-        self.held: InputError | None = None
+        self.ended, self.repeats, self.complete = True, False, True
+        self.held: tuple[Kind, InputError, int] | None = None  # of the last row, with its line
 
     def row(self, line: str) -> str | None:
         """The line if it is a row, or None."""
@@ -112,13 +80,16 @@ class TextRows:
             self.report.count(self.report.left_out, reason, 1)
             return None
         if self.held is not None:
-            raise self.held
+            (kind, error, at), self.held = self.held, None
+            self.report.refusals.refuse(kind, error, line=at)
         return line
 
-    def _hold(self, error: InputError) -> None:
-        if self.dialect.file.tail != "drop":
-            raise error
-        self.held = error
+    def _refuse(self, kind: Kind, make: Callable[[], InputError]) -> None:
+        """Refuse a row, or wait if it may be the last one, which is left out then."""
+        if self.dialect.file.tail == "drop":
+            self.held = kind, make(), self.line
+        else:
+            self.report.refusals.refuse(kind, make, line=self.line)
 
     def finish(self) -> None:
         """Count the last row if it was left out."""
@@ -127,7 +98,7 @@ class TextRows:
             self.held = None
 
     def cells(self, row: str) -> list[str] | None:
-        """The cells of a row without empty ones beyond the header's, or None if it is left out."""
+        """The cells of a row without empty ones beyond the header's, or None if it is refused."""
         try:
             cells = self.dialect.cells(row)
         except csv.Error:
@@ -139,9 +110,10 @@ class TextRows:
         whose = "file.names" if self.dialect.file.names else "the header"
         count = "1 cell" if len(cells) == 1 else f"{len(cells)} cells"
         problem = f"line {self.line} has {count}, {whose} has {self.width}"
+        numbered = any(map(self._is_number, cells))
         if not self.ended:
             hint = "; it has no line end: with file.tail: drop it is left out"
-        elif not any(map(self._is_number, cells)):
+        elif not numbered:
             hint = "; if it is no row, file.comment may state how such lines begin"
         elif self.is_first:
             hint = (
@@ -150,34 +122,50 @@ class TextRows:
             )
         else:
             hint = "; if it is the last one and truncated, file.tail: drop leaves it out"
-        self._hold(InputError(self.place, problem + hint))
+        kind = (self.place, count, str(self.ended), str(numbered))
+        self._refuse(kind, lambda: InputError(self.place, problem + hint))
         return None
 
     def numbers(self, cells: list[str]) -> list[float] | None:
         """The numbers in the columns to read, nan where there are none, or None as in `cells`."""
-        values = []
-        for column in range(len(self.places)):
+        values, dated = [], self.clock is not None
+        for column, place in enumerate(self.places):
             try:
-                values.append(self.number(column, cells))
-            except InputError as error:
-                self._hold(error)
-                return None
+                if dated and column == 0:
+                    values.append(self.time([cells[place] for place in self.clocks]))
+                else:
+                    values.append(self.dialect.number(cells[place]))
+            except ValueError as error:
+                row = (dated and column > 0) or any(map(self._is_number, cells))
+                whole = self.repeats or not (self.ended and row)
+                self._refuse_cell(column, cells, error)
+                if whole or self.held is not None:
+                    return None
+                values.append(math.nan)
+                self.complete = False
         return values
 
-    def number(self, column: int, cells: list[str]) -> float:
-        """The number in one of the columns to read (raises as `numbers`)."""
-        try:
-            if self.clock is not None and column == 0:
-                return self.time([cells[place] for place in self.clocks])
-            return self.dialect.number(cells[self.places[column]])
-        except ValueError as error:
-            raise self.refusal(column, cells, error) from None
+    def _refuse_cell(self, column: int, cells: list[str], error: ValueError) -> None:
+        text = bare(cells[self.places[column]])
+        kind: Kind = (self.titles[column], "" if text.lstrip("+-")[:1].isdigit() else text)
+        if self.repeats or not self.ended:
+            kind = ("repeated" if self.repeats else "truncated",)
+        self._refuse(kind, lambda: self._refusal(column, cells, error))
 
-    def read(self, line: str) -> list[float] | None:
-        """The numbers in a line, None if it is left out (raises as `row`, `cells`, `numbers`)."""
+    def read(self, line: str) -> list[tuple[list[float], bool]]:
+        """The rows that a line settles, and whether they are complete (refuses as `numbers`).
+
+        A row that is refused is one of nan, so that rows count as in `row`.
+        """
+        held, self.complete, lost = self.held, True, [math.nan] * len(self.places)
         row = self.row(line)
-        cells = None if row is None else self.cells(row)
-        return None if cells is None else self.numbers(cells)
+        rows = [(lost, False)] if held is not None and self.held is None else []
+        if row is not None:
+            cells = self.cells(row)
+            numbers = None if cells is None else self.numbers(cells)
+            if self.held is None:
+                rows.append((numbers or lost, numbers is not None and self.complete))
+        return rows
 
     def plain(self, text: str) -> tuple[str, list[str]]:
         """A text of rows alone with cells between single delimiters, and the cells of the first."""
@@ -231,7 +219,7 @@ class TextRows:
         except ValueError:
             return False
 
-    def refusal(self, column: int, cells: list[str], error: ValueError) -> InputError:
+    def _refusal(self, column: int, cells: list[str], error: ValueError) -> InputError:
         """The error of a cell that is no number."""
         cell = cells[self.places[column]]
         problem = f"{self._where(column)} is {shown(cell)}, must be a number"

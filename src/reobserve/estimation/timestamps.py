@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,9 +12,9 @@ from reobserve.core.errors import InputError
 from reobserve.estimation.clock import Dates
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import SECOND, of_nanoseconds, skipping_zone
+from reobserve.estimation.refusals import PolicyError, RowError
 from reobserve.estimation.sampling_grid import RESAMPLING, UnevenError, least_jitter, placed
 from reobserve.estimation.specification import Sampling
-from reobserve.estimation.text_rows import PolicyError, RowError
 
 __all__ = ["Timestamps", "UnevenError", "least_jitter"]
 
@@ -51,6 +52,8 @@ class Timestamps:
     columns: tuple[tuple[str, str], ...] = ()  # names and units of the values
     begun: list[float] = field(default_factory=list)  # the first intervals
     grid: Array = field(default_factory=lambda: np.full(2, np.nan))
+    on_grid: bool = True  # by the period, until that is refused
+    jitter: float | None = None  # by which rows are placed once it is refused
     # Rows with the last timestamp: all that wait for the next one where they are spread, or one.
     # Their numbers are the last column.
     held_time: Array = field(default_factory=lambda: np.empty(0))
@@ -72,11 +75,15 @@ class Timestamps:
         values = np.column_stack([values, np.arange(rows + 1.0, report.rows + 1.0)])
         if np.isnan(time).any():
             known = ~np.isnan(time)
-            if sampling.uneven == "refuse":
-                row = int(values[np.argmin(known), -1])
-                raise RowError(self.place, "{at} has no timestamp", row, "sampling.uneven")
+            unstamped = report.refusals.others(values[~known, -1])
+            if sampling.uneven == "refuse" and len(unstamped):
+                problem, key = "{at} has no timestamp", "sampling.uneven"
+                error = RowError(self.place, problem, int(unstamped[0]), key)
+                report.refusals.refuse((key,), error, unstamped)
+                report.refusals.leave_out(unstamped)
             report.unstamped += int((~known).sum())
             time, values = time[known], values[known]
+        time, values = self._forward(time, values)
         if sampling.repeated in _GROUPS:
             time, values = self._grouped(time, values)
         return self._checked(time, values)
@@ -103,6 +110,16 @@ class Timestamps:
         self.held_time = time[:0]
         return checked
 
+    def _forward(self, time: Array, values: Array) -> tuple[Array, Array]:
+        """Rows that are not before another one that precedes them, as these are refused."""
+        begun = [] if self.report.last is None else [self.report.last]
+        begun = [-np.inf, *begun, *self.early_time[-1:].tolist(), *self.held_time[-1:].tolist()]
+        back = time < np.maximum.accumulate(np.concatenate([[max(begun)], time]))[:-1]
+        if not back.any():
+            return time, values
+        self._refuse(back, "goes back", time, values)
+        return time[~back], values[~back]
+
     def _grouped(self, time: Array, values: Array) -> tuple[Array, Array]:
         """Rows up to the last timestamp, of which those that share one are one or are spread."""
         if len(self.held_time):
@@ -110,8 +127,6 @@ class Timestamps:
             values = np.concatenate([self.held_values, values])
         if not len(time):
             return time, values
-        if (np.diff(time) < 0).any():
-            self._refuse(np.diff(time) < 0, "goes back", time, values)
         begins = np.flatnonzero(np.diff(time, prepend=-np.inf))
         if self.sampling.repeated == "merge":
             self._merge(values, begins)
@@ -130,12 +145,13 @@ class Timestamps:
         merged = np.repeat(first_known(values[:, :-1], begins), sizes, axis=0)
         other = np.isfinite(values[:, :-1]) & (values[:, :-1] != merged)
         if other.any():
-            row, column = np.argwhere(other)[0]
+            (row, column), key = np.argwhere(other)[0], "sampling.repeated"
             name, unit = self.columns[column]
             one, two = (f"{each[row, column]:.9g} {unit}".strip() for each in (merged, values))
             problem = f"{{at}} has {two} and a row before it, with the same timestamp, {one}"
             hint = "sampling.repeated may be first or last, which leave out rows, instead of merge"
-            raise RowError(name, f"{problem}; {hint}", int(values[row, -1]), "sampling.repeated")
+            error = RowError(name, f"{problem}; {hint}", int(values[row, -1]), key)
+            self.report.refusals.refuse((key, name), error, values[other.any(axis=1), -1])
         values[:, :-1] = merged
 
     def _spread(self, time: Array, begins: NDArray[np.int_]) -> Array:
@@ -186,23 +202,25 @@ class Timestamps:
         if report.filling <= MOST_SLOTS + share * report.rows:
             return
         self.check_period()
+        if not self.on_grid:
+            return
         coast = sampling.at_gap == "coast"
         key, hint = "gap", "a shorter one fills fewer"
         if coast:
             key, hint = "at_gap", "restart fills none"
-        raise InputError(
+        error = InputError(
             f"sampling.{key}",
             f"{sampling.at_gap if coast else f'{sampling.longest:g} s'} would fill "
             f"{report.filling} sampling periods of {sampling.period:g} s in the gaps of "
             f"{self.place}; {MOST_SLOTS} and {share} for each row are the most; {hint}",
         )
+        report.refusals.refuse(("sampling.gap",), error)
+        self.on_grid = False
 
     def _taken(self, time: Array, values: Array) -> tuple[Array, Array, Array]:
         report, even = self.report, self.sampling.uneven == "refuse"
         begin = [] if report.last is None else [report.last]
         steps = np.diff(np.concatenate([begin, time]))
-        if (steps < 0).any():
-            self._refuse(steps < 0, "goes back", time, values)
         if (steps == 0).any():
             self._check_repeated(steps, time, values)
             again = np.concatenate([[False] * (len(time) - len(steps)), steps == 0]).astype(bool)
@@ -211,9 +229,15 @@ class Timestamps:
         if not len(time):
             return time, values[:, :-1], time
         self._check_hour(steps, time, values)
-        self._check_early_period(steps)
-        self._check_filled(steps)
-        slots = self._even(steps, time, values) if even else self._regular(time, steps)
+        self._check_early_period(report.refusals.between_rows(steps, values[:, -1]))
+        if self.on_grid:
+            self._check_filled(steps)
+        report.refusals.take(time, values[:, -1])
+        slots = time
+        if self.on_grid:
+            slots = self._even(steps, time, values) if even else self._regular(time, steps)
+        if not self.on_grid:  # nothing but empty cells is missing
+            slots = time if even and self.sampling.missing == "refuse" else time[:0]
         if report.first is None:
             report.first = float(time[0])
         report.last = float(time[-1])
@@ -246,7 +270,10 @@ class Timestamps:
             )
         now = self.report.said(float(time[at]))
         problem = f"{{at}}: the timestamp {said}, at {now}{hint}"
-        raise RowError(self.place, problem, int(values[at, -1]), key)
+        rows = values[len(time) - len(wrong) :][wrong, -1]
+        error = RowError(self.place, problem, int(rows[0]), key)
+        self.report.refusals.refuse((key or "columns.time",), error, rows)
+        self.report.refusals.leave_out(rows)
 
     def _check_hour(self, steps: Array, time: Array, values: Array) -> None:
         """Refuse an hour that is missing where clocks are put forward, if dates may be local."""
@@ -261,13 +288,16 @@ class Timestamps:
                 for t in (time[at] - steps[k], time[at])
             )
             if zone := skipping_zone(before, after):
-                raise RowError(
-                    "columns.time.zone",
+                row, key = int(values[at, -1]), "columns.time.zone"
+                error = RowError(
+                    key,
                     f"is missing: {{at}} of {self.place}, {after:%Y-%m-%dT%H:%M:%S}, is an hour "
                     f"late, as if clocks had been put forward in {zone}; state the zone of these "
                     "times, or UTC",
-                    int(values[at, -1]),
+                    row,
                 )
+                report.refusals.refuse((key,), error, [row])
+                report.refusals.leave_out([row - 0.5])
 
     def _check_early_period(self, steps: Array) -> None:
         """Check the period once there are enough intervals."""
@@ -279,18 +309,27 @@ class Timestamps:
 
     def check_period(self) -> None:
         """Refuse a period that is not that of the timestamps."""
-        if not self.begun:
+        if not (self.begun and self.on_grid):
             return
         median, period = float(np.median(self.begun)), self.sampling.period
         ratio = median / period
         even = self.sampling.uneven == "refuse"
         if abs(ratio - 1.0) > _WRONG if even else not 1 / _FINER <= ratio <= _FINER:
             hint = f" ({RESAMPLING})" if even else ""
-            raise InputError(
+            self._refuse_grid(InputError(
                 "sampling.period",
                 f"{period:g} s disagrees with the timestamps of {self.place}{hint}, which go on by "
                 f"{median:.6g} s (the median of the first {len(self.begun)} intervals)",
-            )
+            ))  # fmt: skip
+
+    def _refuse_grid(self, error: InputError, rows: Sequence[int] = ()) -> None:
+        """Refuse the period, or the jitter, by which rows have places."""
+        refusals = self.report.refusals
+        if error.parameter == "sampling.period":
+            self.on_grid = False
+            refusals.drop_lost()
+            rows = ()
+        refusals.refuse((error.parameter,), error, rows)
 
     def follows(self, time: float) -> bool:
         """Take a timestamp if it is in its place, a period after the one before."""
@@ -305,20 +344,30 @@ class Timestamps:
 
     def _even(self, steps: Array, time: Array, values: Array) -> Array:
         report, period, jitter = self.report, self.sampling.period, self.sampling.jitter
-        passed = np.zeros(len(time))
-        accepted, used = placed(time, self.grid, period, jitter, True, passed)
+        passed, refuse = np.zeros(len(time)), self.jitter is None
+        reach = jitter if self.jitter is None else self.jitter
+        accepted, used = placed(time, self.grid, period, reach, refuse, passed)
         if accepted < len(time):
             if len(self.begun) == _LOOKED_AT:
                 self.check_period()
+            if not self.on_grid:
+                return time
             off = (time[accepted] - 0.5 * float(self.grid.sum())) / period
             least = np.ceil(100.0 * used - 1e-6) / 100.0
             said = report.said(float(time[accepted]), 14)
-            raise UnevenError(
+            error, self.jitter = report.refusals.survey(UnevenError(
                 f"{jitter:g} is exceeded in {{at}} of {self.place}: its timestamp, {said}, is "
                 f"{off:.2g} sampling periods of {period:g} s off its place",
                 int(values[accepted, -1]),
                 float(least) if least < 0.5 else None, "the rows up to there",
-            )  # fmt: skip
+            ))  # fmt: skip
+            self._refuse_grid(error, [int(values[accepted, -1])])
+            self.on_grid = self.jitter is not None
+            if self.jitter is None:
+                return time
+            self.grid[:] = time[accepted] + self.jitter * period * np.array([-1.0, 1.0])
+            rest = slice(accepted + 1, None)
+            placed(time[rest], self.grid, period, self.jitter, False, passed[rest])
         report.jitter = max(report.jitter, used)
         passed = passed[len(time) - len(steps) :]
         self._count(passed)
@@ -328,7 +377,8 @@ class Timestamps:
         first = len(time) - len(steps)  # the row that the first step leads to
         parts, done = [], 0
         for k in np.flatnonzero(passed > 1.0).tolist():
-            self._check_coast(passed[k], starts[k])
+            if self._is_too_long(passed[k], starts[k]):
+                return time
             inside = np.arange(1, min(passed[k], self._most(passed[k])))
             parts += [time[done : k + first], starts[k] + steps[k] * (inside / passed[k])]
             done = k + first
@@ -342,11 +392,15 @@ class Timestamps:
     def _most(self, count: float) -> float:
         return count if self.sampling.at_gap == "coast" else float(self._bridged)
 
-    def _check_coast(self, count: float, start: float) -> None:
+    def _is_too_long(self, count: float, start: float) -> bool:
+        """Refuse to coast over a gap of very many periods."""
         if self.sampling.at_gap == "coast" and count > MOST_SLOTS:
             slots = f"{count:.0f} sampling periods, no more than {MOST_SLOTS} are coasted over"
             problem = f"the gap after {self.report.said(start)} is of {slots}"
-            raise PolicyError(self.place, problem, "sampling.at_gap")
+            error = PolicyError(self.place, problem, "sampling.at_gap")
+            self.report.refusals.refuse(("sampling.gap",), error, self.report.refusals.at(start)[0])
+            self.on_grid = False
+        return not self.on_grid
 
     def _regular(self, time: Array, steps: Array) -> Array:
         """The times t0 + k T up to the last timestamp."""
@@ -366,7 +420,8 @@ class Timestamps:
             parts.append(_times(origin, period, before, end))
             if at < len(known) - 1:
                 count = float(known[at + 1] - end) / period
-                self._check_coast(count, end)
+                if self._is_too_long(count, end):
+                    return time
                 reach = min(float(known[at + 1]), end + self._most(count) * period)
                 parts.append(_times(origin, period, end, reach, False))
                 before = float(known[at + 1]) - 2.0 * _ROUNDING * period

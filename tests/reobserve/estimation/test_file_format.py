@@ -247,7 +247,7 @@ def test_refusal_names_line_column_and_key(
     with pytest.raises(InputError) as same:
         streamed(specification, text.encode())
     place = str(tmp_path / "r.csv")
-    assert str(same.value) == str(error.value).replace(place, "standard input")
+    assert str(same.value) == str(error.value).split("\n")[0].replace(place, "standard input")
 
 
 @pytest.mark.parametrize(

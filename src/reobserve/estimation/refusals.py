@@ -1,0 +1,253 @@
+"""Refusals of a record: raised one by one, or noted until its end, grouped by kind.
+
+A stream raises the first refusal, since it cannot wait. Of a file they are noted: what is refused
+is left out, and reading goes on, so that all refusals are found in one run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError, ProblemsError
+
+Array = NDArray[np.float64]
+Kind = tuple[str, ...]
+Rows = Sequence[float] | NDArray[Any]
+Error = InputError | Callable[[], InputError]
+
+_MOST_LISTED = 20
+_KINDS = 100  # beyond which those of one key are one
+_FIRST = 3  # lines that are named
+_KEPT = 1_000_000  # rows that are refused, while no other row is between them
+_BEFORE = "before"
+# What the policies do that read a record on, by the key that states them.
+POLICIES = {
+    "sampling.repeated": {
+        "first": "leaves out all but the first row of a timestamp",
+        "last": "leaves out all but the last row of a timestamp",
+        "merge": "makes one row of them, if no two differ in a number",
+        "spread": "moves them evenly up to the next timestamp",
+    },
+    "sampling.missing": {
+        "interpolate": "puts values between the samples beside it",
+        "skip": "predicts, and corrects by the sensors that are there",
+    },
+    "sampling.at_gap": {
+        "restart": "starts the observer anew after the gap",
+        "coast": "predicts over the gap, with inputs held",
+    },
+}
+
+
+class PolicyError(InputError):
+    """A refusal by a policy of a specification, and the ``key`` that states the policy."""
+
+    def __init__(self, parameter: str, problem: str, key: str = "") -> None:
+        self.key = key
+        super().__init__(parameter, problem)
+
+
+class RowError(PolicyError):
+    """A problem in a row, which counts from 1.
+
+    Parameters
+    ----------
+    parameter
+        What is wrong, as in `InputError`.
+    problem
+        The rest of the sentence, with ``{at}`` for the row.
+    key
+        That of a policy which refuses it, if there is one.
+    """
+
+    def __init__(self, parameter: str, problem: str, row: int, key: str = "") -> None:
+        self.template, self.row = problem, row
+        super().__init__(parameter, problem.replace("{at}", f"row {row}", 1), key)
+
+    def at_line(self, line: int | None) -> RowError:
+        """The same by the line of the file, if it has lines."""
+        if line is not None:
+            problem = self.template.replace("{at}", f"line {line}", 1)
+            InputError.__init__(self, self.parameter, problem)
+        return self
+
+
+@dataclass
+class Found:
+    """Refusals of a kind: the first one, how many there are, and the first rows or lines."""
+
+    error: InputError
+    count: int
+    rows: list[int]
+    lines: list[int]
+    last: float | None = None  # row
+
+
+class Refusals:
+    """Raises the first refusal."""
+
+    def __init__(self) -> None:
+        self.found: dict[Kind, Found] = {}
+
+    def refuse(
+        self,
+        kind: Kind,
+        error: Error,
+        rows: Rows = (),
+        line: int | None = None,
+    ) -> None:
+        """Refuse rows, or a line, for a reason of some ``kind``; its key comes first there."""
+        raise error if isinstance(error, InputError) else error()
+
+    def leave_out(self, rows: Rows) -> None:
+        """Take rows that are refused: what lacks for that is not refused again."""
+
+    def others(self, rows: Array) -> Array:
+        """The rows that are not refused yet."""
+        return rows
+
+    def take(self, time: Array, rows: Array) -> None:
+        """Take the times [s] and the numbers of rows that are used."""
+
+    def forget(self, time: float) -> None:
+        """Drop the rows before a time, but the last one."""
+
+    def at(self, time: float) -> tuple[list[float], str]:
+        """The row of a time, or the one after, and which of the two."""
+        return [], ""
+
+    def excuses(self, time: float, even: bool) -> bool:
+        """True if what is missing at a time is in a row that is refused."""
+        return False
+
+    def survey(self, error: RowError) -> tuple[InputError, float | None]:
+        """The error on jitter by what the whole record says, and the jitter by which to go on."""
+        return error, None
+
+    def between_rows(self, steps: Array, rows: Array) -> Array:
+        """The intervals [s] up to rows, but those in which a row is refused."""
+        return steps
+
+    def drop_lost(self) -> None:
+        """Drop refusals of what is missing between rows, as another one says why."""
+
+
+class NotedRefusals(Refusals):
+    """Notes refusals, the first one of a kind with its sentence, and counts the others."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.time, self.rows, self.left_out = np.empty(0), np.empty(0), np.empty(0)
+
+    def refuse(
+        self,
+        kind: Kind,
+        error: Error,
+        rows: Rows = (),
+        line: int | None = None,
+    ) -> None:
+        """Note a refusal, whose error is made if it is the first one of its kind."""
+        if kind not in self.found and len(self.found) >= _KINDS:
+            kind = kind[:1]
+        found = self.found.get(kind)
+        if found is None:
+            made = error if isinstance(error, InputError) else error()
+            found = self.found[kind] = Found(made, 0, [], [])
+        elif list(rows[-1:]) == [found.last]:  # before which more than one row is missing
+            return
+        found.count += max(len(rows), 1)
+        found.last = rows[-1] if len(rows) else None
+        found.lines += [] if line is None else [line]
+        found.rows += map(int, rows[:_FIRST])
+        del found.lines[_FIRST:], found.rows[_FIRST:]
+
+    def leave_out(self, rows: Rows) -> None:
+        """Take rows that are refused, a half for what lacks before one."""
+        both = np.union1d(self.left_out, np.asarray(rows, dtype=np.float64))
+        self.left_out = both[-_KEPT:]
+
+    def others(self, rows: Array) -> Array:
+        """The rows that are not refused yet."""
+        return np.setdiff1d(rows, self.left_out)
+
+    def take(self, time: Array, rows: Array) -> None:
+        """Take rows that are used, in order."""
+        self.time = np.concatenate([self.time, time])
+        self.rows = np.concatenate([self.rows, rows])
+
+    def forget(self, time: float) -> None:
+        """Drop the rows up to a time, but the last one."""
+        first = max(int(np.searchsorted(self.time, time)) - 1, 0)
+        self.time, self.rows = self.time[first:].copy(), self.rows[first:].copy()
+        if len(self.left_out) and len(self.rows):
+            self.left_out = self.left_out[np.searchsorted(self.left_out, self.rows[0]) :]
+
+    def at(self, time: float) -> tuple[list[float], str]:
+        """The row of a time, or the one after, and which of the two."""
+        k = int(np.searchsorted(self.time, time))
+        return self.rows[k : k + 1].tolist(), "" if time in self.time[k : k + 1] else _BEFORE
+
+    def excuses(self, time: float, even: bool) -> bool:
+        """True if what is missing at a time is in a row that is refused.
+
+        If rows are resampled, a time between two rows lacks what one of them lacks.
+        """
+        if not len(self.left_out):
+            return False
+        k = int(np.searchsorted(self.time, time))
+        low, high = self.rows[k - 1] if k else 0.0, self.rows[k] if k < len(self.rows) else np.inf
+        if time in self.time[k : k + 1]:
+            low = high
+        elif even:
+            low, high = low + 0.25, high - 0.25
+        k = int(np.searchsorted(self.left_out, low))
+        return bool(k < len(self.left_out) and self.left_out[k] <= high)
+
+    def between_rows(self, steps: Array, rows: Array) -> Array:
+        """The intervals [s] up to rows, but those in which a row is refused."""
+        if not self.found:
+            return steps
+        passed = np.diff(np.concatenate([self.rows[-1:], rows]))[-len(steps) :]
+        chosen: Array = steps[passed == 1.0]
+        return chosen
+
+    def drop_lost(self) -> None:
+        """Drop refusals of what is missing between rows, as another one says why."""
+        self.found = {
+            kind: one for kind, one in self.found.items()
+            if _BEFORE not in kind and kind[0] != "sampling.at_gap"
+        }  # fmt: skip
+
+    def error(self, lines_at: Callable[[list[int]], dict[int, int]], predicts: bool) -> InputError:
+        """All that is refused, in the order of the lines.
+
+        ``lines_at`` has the lines of rows. An observer that ``predicts`` can skip and coast.
+        """
+        lines = lines_at([row for one in self.found.values() for row in one.rows])
+        listed = list[tuple[int, str, InputError]]()
+        for kind, one in self.found.items():
+            error, at = one.error, one.lines or [lines.get(row, row) for row in one.rows]
+            if isinstance(error, RowError):
+                error.at_line(lines.get(error.row))
+            place = ("before " if _BEFORE in kind else "in ") + (
+                "line" if one.lines or lines else "row"
+            )
+            if one.count > 1:
+                error.add_note(f"{one.count} times, first {place}s {', '.join(map(str, at))}")
+            elif one.rows and not isinstance(error, RowError):
+                error.add_note(f"{place} {at[0]}")
+            listed.append((at[0] if at else 0, kind[0], error))
+        errors, policies = list[InputError](), dict(POLICIES)
+        for _, key, error in sorted(listed, key=lambda each: each[0]):
+            errors.append(error)
+            for value, does in policies.pop(key, {}).items():
+                if predicts or value not in ("skip", "coast"):
+                    error.add_note(f"{key}: {value} {does}")
+        if (more := len(errors) - _MOST_LISTED) > 0:
+            errors[_MOST_LISTED:] = [InputError(errors[0].parameter, f"is refused {more} more")]
+        return ProblemsError(errors) if len(errors) > 1 else errors[0]
