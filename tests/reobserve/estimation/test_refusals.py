@@ -187,7 +187,6 @@ def test_check_lists_the_same_as_a_run_and_writes_nothing(
 
 
 ACCEPTED = ["cell", "empty", "gap", "jitter", "lost", "repeated"]
-ACCEPTING = {"jitter": 0.2, "missing": "skip", "repeated": "last"}
 
 
 @settings(max_examples=30)
@@ -200,16 +199,16 @@ ACCEPTING = {"jitter": 0.2, "missing": "skip", "repeated": "last"}
         max_size=9,
     ),
     at_gap=st.sampled_from(["coast", "restart"]),
-    repeated=st.sampled_from(["first", "last", "spread"]),
-    uneven=st.sampled_from(["refuse", "linear"]),
+    grid=st.sampled_from([("first", "refuse"), ("last", "refuse"), ("spread", "linear")]),
 )
 def test_record_that_is_accepted_gives_what_its_stream_gives(
-    draws: list[tuple[int, str]], at_gap: str, repeated: str, uneven: str,
+    draws: list[tuple[int, str]], at_gap: str, grid: tuple[str, str],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:  # fmt: skip
     folder = tmp_path_factory.mktemp("accepted")
     data = written(folder, *planted(spaced(draws), True)[0])
-    sampling = {**ACCEPTING, "at_gap": at_gap, "repeated": repeated, "uneven": uneven}
+    sampling = {"jitter": 0.2, "missing": "skip", "at_gap": at_gap}
+    sampling = {**sampling, "repeated": grid[0], "uneven": grid[1]}
     stated = tree(sampling=sampling, file={"missing_values": ["OFF"], "tail": "drop"})
     chosen = parse(Specification, stated)
     for block in (60, 2**20):
