@@ -22,7 +22,7 @@ Timestamps may be numbers (unit: s, ms, min, ...) or dates such as 2026-03-29T01
 a record that nobody has seen yet:
 
   reobserve estimate --suggest log.csv                 its columns, and keys that may read it
-  reobserve estimate --check spec.yaml log.csv         all that refuses it, and what would accept it
+  reobserve estimate --check spec.yaml log.csv         run, write nothing; list all that refuses it
 """
 
 
@@ -50,7 +50,7 @@ def estimate(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--check", action="store_true",
-        help="write nothing; list all that refuses the record, and the lines that would accept it",
+        help="run and write nothing; list all that refuses the record, as any run does",
     )  # fmt: skip
     command.add_argument(
         "--suggest",

@@ -88,7 +88,7 @@ class Gaps:
                 begins = self._begins(float(rows.time[k]))
                 if begins and self.report.restarts:
                     status[k] = RESTARTED
-            elif not self._is_excused(k, rows) and self._bridges(k, rows, bool(known[k]), final):
+            elif not self._is_refused(k, rows) and self._bridges(k, rows, bool(known[k]), final):
                 status[k] = PREDICTED
             else:
                 continue
@@ -115,13 +115,21 @@ class Gaps:
         self.started, self.last = True, now
         return begins
 
-    def _is_excused(self, k: int, rows: Settled) -> bool:
-        """True if what a row lacks was refused, as which it counts as there."""
-        now, even = float(rows.time[k]), self.sampling.uneven == "refuse"
-        excused = self.report.refusals.excuses(now, even)
-        if excused:
+    def _is_refused(self, k: int, rows: Settled) -> bool:
+        """True if a row lacks what is refused, and reading goes on as if it were there.
+
+        Of sensors some of which are missing, a policy reads the others.
+        """
+        now, even, p = float(rows.time[k]), self.sampling.uneven == "refuse", self.measurements
+        refused = self.report.refusals.excuses(now, even)
+        if not refused and self.sampling.missing == "refuse" and self.reads_missing:
+            there = np.isfinite(rows.values[k])
+            refused = bool(there[:p].any() and there[p:].all())
+            if refused:
+                self._refuse("missing", k, rows)
+        if refused:
             self.started, self.last, self.in_gap = True, now, False
-        return excused
+        return refused
 
     def _bridges(self, k: int, rows: Settled, known: bool, final: bool) -> bool:
         """True if the observer predicts over a row without measurements, which may open a gap."""

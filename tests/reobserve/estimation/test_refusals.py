@@ -92,6 +92,7 @@ def planted(faults: list[tuple[int, str]], tail: bool) -> tuple[list[str], dict[
     """The lines of a record with faults at rows, and the lines of each kind of fault."""
     lines, wrong, rows, skipped = ["t,y,z"], dict[str, list[int]](), plain(), 0
     kinds = dict(faults)
+    kinds |= {k + j: "empty" for k, kind in faults for j in range(12) if kind == "sensor"}
     for k, cells in enumerate(rows):
         kind, line = kinds.get(k, ""), len(lines) + 1
         if skipped > 0:
@@ -127,15 +128,17 @@ def spaced(draws: list[tuple[int, str]]) -> list[tuple[int, str]]:
         at += step
         if kind in ("lost", "gap", "jitter") and at == 0:
             at = 1
-        if at + (15 if kind == "gap" else 0) > COUNT - 4:
+        long = 15 if kind in ("gap", "sensor") else 0
+        if at + long > COUNT - 4:
             break
         faults.append((at, kind))
-        at += 18 if kind == "gap" else 4
+        at += long + 4
     return faults
 
 
-KINDS = sorted(set(SENTENCES) - {"tail"})
-ALL = [(1, kind) for kind in KINDS if kind != "gap"]
+ONE = sorted(set(SENTENCES) - {"tail", "gap"})
+KINDS = [*ONE, "gap", "sensor"]
+ALL = [(1, kind) for kind in ONE]
 
 
 @settings(max_examples=40)
@@ -145,7 +148,7 @@ ALL = [(1, kind) for kind in KINDS if kind != "gap"]
     block=st.sampled_from([40, 300, 2**20]),
 )
 @example(draws=[*ALL, (2, "gap")], tail=True, block=2**20)
-@example(draws=[(3, "gap"), (1, "jitter")], tail=True, block=40)
+@example(draws=[(3, "sensor"), (0, "gap"), (1, "jitter")], tail=True, block=40)
 def test_all_and_only_the_planted_faults_are_listed(
     draws: list[tuple[int, str]], tail: bool, block: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -186,7 +189,7 @@ def test_check_lists_the_same_as_a_run_and_writes_nothing(
     assert re.search(r"is accepted\n(.|\n)*estimates +90: 90 measured", capsys.readouterr().out)
 
 
-ACCEPTED = ["cell", "empty", "gap", "jitter", "lost", "repeated"]
+ACCEPTED = ["cell", "empty", "sensor", "gap", "jitter", "lost", "repeated"]
 
 
 @settings(max_examples=30)
