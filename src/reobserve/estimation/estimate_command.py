@@ -24,7 +24,7 @@ from reobserve.estimation.dialect import Dialect, read_head
 from reobserve.estimation.estimate import Estimated, Estimation
 from reobserve.estimation.estimates_plot import Plot, check_plot
 from reobserve.estimation.record_file import BLOCK, File, Tell
-from reobserve.estimation.refusals import NotedRefusals
+from reobserve.estimation.refusals import Refusals
 from reobserve.estimation.report_table import as_table
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.sampling_grid import RESAMPLING, UnevenError, least_jitter
@@ -137,9 +137,9 @@ def estimate_file(
         if written.count(path) > 1 or path == data.absolute():
             raise InputError(str(path), "is named twice; each file needs a name of its own")
     file = File(data, Dialect.of(specification), block)
-    refusals = NotedRefusals()
+    refusals = Refusals(noting=True)
     estimation = Estimation(specification, file.header(), str(data), refusals)
-    refusals.survey = partial(_over_all, estimation, file)  # type: ignore[method-assign]
+    refusals.survey = partial(_over_all, estimation, file)
     curves = None if plot is None else Plot(estimation)
 
     def about() -> dict[str, Any]:
@@ -160,10 +160,10 @@ def estimate_file(
 def _over_all(
     estimation: Estimation, file: File, error: UnevenError
 ) -> tuple[InputError, float | None]:
-    """What the whole record says of the jitter and the sampling period, and the jitter."""
+    """The error on jitter by what the whole record says, and the jitter that would accept it."""
     layout, period = estimation.layout, estimation.specification.sampling.period
     report = DataReport()
-    report.refusals = NotedRefusals()  # which the run lists
+    report.refusals = Refusals(noting=True)  # which the run lists
     blocks = file.blocks(layout.titles[:1], layout.clock, report)
     least, interval = least_jitter((layout.times(block, report) for block in blocks), period)
     if interval is None:
@@ -176,7 +176,7 @@ def _over_all(
 
 
 def _blocks(
-    estimation: Estimation, file: File, refusals: NotedRefusals, curves: Plot | None, tell: Tell
+    estimation: Estimation, file: File, refusals: Refusals, curves: Plot | None, tell: Tell
 ) -> Iterator[Estimated]:
     """The estimates of a record (raises all that refuses it, at its end)."""
     first_rows = estimation.first_rows = FirstRows()

@@ -7,13 +7,16 @@ is left out, and reading goes on, so that all refusals are found in one run.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, ProblemsError
+
+if TYPE_CHECKING:
+    from reobserve.estimation.sampling_grid import UnevenError
 
 Array = NDArray[np.float64]
 Kind = tuple[str, ...]
@@ -23,7 +26,7 @@ Error = InputError | Callable[[], InputError]
 _MOST_LISTED = 20
 _KINDS = 100  # beyond which those of one key are one
 _FIRST = 3  # lines that are named
-_KEPT = 1_000_000  # rows that are refused, while no other row is between them
+_KEPT = 1_000_000  # rows in memory, if no policy asks for what is missing between them
 _BEFORE = "before"
 # What the policies do that read a record on, by the key that states them.
 POLICIES = {
@@ -38,7 +41,7 @@ POLICIES = {
         "skip": "predicts, and corrects by the sensors that are there",
     },
     "sampling.at_gap": {
-        "restart": "starts the observer anew after the gap",
+        "restart": "starts the observer again after the gap",
         "coast": "predicts over the gap, with inputs held",
     },
 }
@@ -88,70 +91,29 @@ class Found:
     last: float | None = None  # row
 
 
+@dataclass(eq=False)
 class Refusals:
-    """Raises the first refusal."""
+    """Raises the first refusal or, if ``noting``, notes all, and counts those of a kind.
 
-    def __init__(self) -> None:
-        self.found: dict[Kind, Found] = {}
+    ``survey`` has the error on jitter by what a whole record says of it, and the jitter by which
+    reading goes on, if there is one.
+    """
 
-    def refuse(
-        self,
-        kind: Kind,
-        error: Error,
-        rows: Rows = (),
-        line: int | None = None,
-    ) -> None:
-        """Refuse rows, or a line, for a reason of some ``kind``; its key comes first there."""
-        raise error if isinstance(error, InputError) else error()
+    noting: bool = False
+    survey: Callable[[UnevenError], tuple[InputError, float | None]] = lambda error: (error, None)
+    found: dict[Kind, Found] = field(default_factory=dict)
+    # Rows that are used, with their times, and those that are refused.
+    time: Array = field(default_factory=lambda: np.empty(0))
+    rows: Array = field(default_factory=lambda: np.empty(0))
+    left_out: Array = field(default_factory=lambda: np.empty(0))
 
-    def leave_out(self, rows: Rows) -> None:
-        """Take rows that are refused: what lacks for that is not refused again."""
+    def refuse(self, kind: Kind, error: Error, rows: Rows = (), line: int | None = None) -> None:
+        """Refuse rows, or a line, for a reason of some ``kind``, whose first part is a key.
 
-    def others(self, rows: Array) -> Array:
-        """The rows that are not refused yet."""
-        return rows
-
-    def take(self, time: Array, rows: Array) -> None:
-        """Take the times [s] and the numbers of rows that are used."""
-
-    def forget(self, time: float) -> None:
-        """Drop the rows before a time, but the last one."""
-
-    def at(self, time: float) -> tuple[list[float], str]:
-        """The row of a time, or the one after, and which of the two."""
-        return [], ""
-
-    def excuses(self, time: float, even: bool) -> bool:
-        """True if what is missing at a time is in a row that is refused."""
-        return False
-
-    def survey(self, error: RowError) -> tuple[InputError, float | None]:
-        """The error on jitter by what the whole record says, and the jitter by which to go on."""
-        return error, None
-
-    def between_rows(self, steps: Array, rows: Array) -> Array:
-        """The intervals [s] up to rows, but those in which a row is refused."""
-        return steps
-
-    def drop_lost(self) -> None:
-        """Drop refusals of what is missing between rows, as another one says why."""
-
-
-class NotedRefusals(Refusals):
-    """Notes refusals, the first one of a kind with its sentence, and counts the others."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.time, self.rows, self.left_out = np.empty(0), np.empty(0), np.empty(0)
-
-    def refuse(
-        self,
-        kind: Kind,
-        error: Error,
-        rows: Rows = (),
-        line: int | None = None,
-    ) -> None:
-        """Note a refusal, whose error is made if it is the first one of its kind."""
+        An error that is noted is made if it is the first one of its kind.
+        """
+        if not self.noting:
+            raise error if isinstance(error, InputError) else error()
         if kind not in self.found and len(self.found) >= _KINDS:
             kind = kind[:1]
         found = self.found.get(kind)
@@ -167,18 +129,21 @@ class NotedRefusals(Refusals):
         del found.lines[_FIRST:], found.rows[_FIRST:]
 
     def leave_out(self, rows: Rows) -> None:
-        """Take rows that are refused, a half for what lacks before one."""
-        both = np.union1d(self.left_out, np.asarray(rows, dtype=np.float64))
-        self.left_out = both[-_KEPT:]
+        """Take rows that are refused, less a half for what lacks before one.
+
+        What lacks for that is not refused again.
+        """
+        self.left_out = np.union1d(self.left_out, np.asarray(rows, dtype=np.float64))[-_KEPT:]
 
     def others(self, rows: Array) -> Array:
         """The rows that are not refused yet."""
         return np.setdiff1d(rows, self.left_out)
 
     def take(self, time: Array, rows: Array) -> None:
-        """Take rows that are used, in order."""
-        self.time = np.concatenate([self.time, time])
-        self.rows = np.concatenate([self.rows, rows])
+        """Take the times [s] and the numbers of rows that are used, in order."""
+        if self.noting:
+            self.time = np.concatenate([self.time, time])[-_KEPT:]
+            self.rows = np.concatenate([self.rows, rows])[-_KEPT:]
 
     def forget(self, time: float) -> None:
         """Drop the rows up to a time, but the last one."""
@@ -234,9 +199,8 @@ class NotedRefusals(Refusals):
             error, at = one.error, one.lines or [lines.get(row, row) for row in one.rows]
             if isinstance(error, RowError):
                 error.at_line(lines.get(error.row))
-            place = ("before " if _BEFORE in kind else "in ") + (
-                "line" if one.lines or lines else "row"
-            )
+            which = "before" if _BEFORE in kind else "in"
+            place = f"{which} line" if one.lines or lines else f"{which} row"
             if one.count > 1:
                 error.add_note(f"{one.count} times, first {place}s {', '.join(map(str, at))}")
             elif one.rows and not isinstance(error, RowError):
