@@ -152,7 +152,7 @@ def of_lie() -> Iterator[str]:
     yield f"(-0.5, -0.5) y³ has an integral of {square:.3g} s and settles after {early:.3g} s"
     yield f"as the degree to the power {-(1 + 0.5 / 1.0594):.3g} there (80 digits, to degree 121)"
     degree = Parameters.load(ROOT, "lie").section("studies", "domain")["degree"]
-    yield f"the boundary drawn outside is that of degree {degree}"
+    yield f"the boundary drawn outside is an estimate at degree {degree}"
     yield "What Remarks 3.7 and 4.19 ask"
     table = read_numbers(golden_file(ROOT, "lie", "table_coefficients"))
     rows = {row for (row, column, _), cell in table.items() if column == "printed" and cell.value}
@@ -198,73 +198,46 @@ def of_delay() -> Iterator[str]:
     runs = parameters.section("studies", "tradeoff")["runs"]
     metrics = parameters.section("metrics")
     yield f"RMS errors from {metrics['start']:g} s on"
-    yield f"from {metrics['varying_from']:g} to {metrics['varying_until']:g} s"
+    yield f"from {metrics['varying_from']:g} to {metrics['varying_until']:g} s, where the delay"
     standard, ours = (first[name, "rms_error_2_from_start"] for name in ("standard", "order2"))
     if standard < ours:
         yield "not from t = 0 on"
     yield f"but from {metrics['start']:g} s on"
-    yield f"counted from {metrics['start']:g} s on it is the better one"
     yield f"means over {runs} runs with other noise:"
-    second, lower = (gains[f"order{m}_noise", "varying_rms_delay_error rho=2.5"] for m in (2, 1))
-    yield f"({second:.3g} against {lower:.3g} s without noise)"
     noisy = [gains[f"order{m}_noise", "varying_rms_delay_error noise_rho=2.5"] for m in (2, 1)]
     yield "an RMS error of {:.2g} against {:.2g} s".format(*noisy)
-    state = [
-        gains[f"order{m}_noise", f"varying_rms_error_{i} noise_rho=2.5"]
-        for i in (1, 2)
-        for m in (2, 1)
-    ]
-    yield "{:.3g} against {:.3g} rad and {:.3g} against {:.3g} rad/s".format(*state)
     yield "below 5 % of the average delay"
     higher = [
         held("delay", "higher_order_more_accurate", one) for one in ("", "less: any_difference")
     ]
     yield "it is by 5 % in {} samples, by any difference in {},".format(*higher)
-    five = held("delay", "higher_order_more_accurate", "delay_fig_2_with_rho_of_five")
-    yield f"with the gain of the text in Fig. 2 by 5 % in {five}"
-    yield f"in {held('delay', 'second_order_enough')} samples, if this means"
     yield f"it is in {held('delay', 'fig1_states_better')} samples"
     yield from _of_delay_readings(parameters)
-    yield f"is accurate holds in {held('delay', 'fig3_ours')} samples"
-    yield f"is more accurate holds in {held('delay', 'fig3_relay_more_accurate')} ("
+    accurate = held("delay", "fig3_relay_more_accurate")
+    yield f"than the extended observer in {accurate} samples"
     quiet = "order2_noise", "varying_rms_delay_error rho=10"
     yield f"a gain of 10 without noise, {gains[quiet]:.2g} s"
     rhos = parameters.section("studies", "tradeoff")["rhos"]
-    best = min(rhos, key=lambda rho: gains["order1_noise", f"varying_rms_delay_error rho={rho:g}"])
-    yield f"without noise it is smallest at a gain of {best:g}"
     best = min(rhos, key=lambda rho: gains[_with_noise(rho)])
     yield f"the best gain of those tried is {best:g}"
-    third = golden_metrics("delay", "fig3")
-    jump, settled = (
-        [third[name, f"{when}_rms_delay_error"] for name in ("relay", "extended_lag")]
-        for when in ("varying", "settled")
-    )
-    yield "its RMS error is {:.2g} s against {:.2g} s".format(*jump)
-    yield "from {:g} to {:g} s, {:.2g} against {:.2g} s".format(*metrics["radius"], *settled)
 
 
 def _of_delay_readings(parameters: Parameters) -> Iterator[str]:
     """In how many samples claims hold with either gain of Fig. 2, and with other readings."""
     caption, text = (parameters.section("observers", f"order2{of}")["rho"] for of in ("_noise", ""))
-    yield f"Its caption has {caption:g}, the text and Table I have {text:g}."
-    for rho in (caption, text):
-        for claim in ("singular_peaks", "noise_estimates", "switching_off_helps"):
-            yield f"with {rho:g} in {_held('delay', claim, rho)}"
+    yield f"Its caption has the gain {caption:g}, the text and Table I have {text:g}."
+    yield f"The figure is drawn with {caption:g};"
+    yield f"| claim | samples with {caption:g} | with {text:g} |"
+    for claim in ("singular_peaks", "noise_estimates", "switching_off_helps"):
+        cells = [_held("delay", claim, rho) for rho in (caption, text)]
+        yield f"(#claim-{claim}) | {' | '.join(cells)} |"
+    yield f"With {caption:g}, m = 2 is hardly more accurate than m = 1"
     less = evidence("delay").registry.conventions.values["less"]
-    yield f"less, by {percent(1 - less)}, than that of its average"
-    main = [
-        held("delay", "works_for_varying_delays", other and f"delay_{other}")
-        for other in (
-            "", "with_noise", "largest_errors", "fig_2_with_rho_of_five", "half_of_the_average",
-            "half_of_the_average_with_noise", "a_third_of_the_average",
-        )
-    ]  # fmt: skip
-    yield (
-        "holds in {} samples. Other readings, each alone: with the noise of Fig. 2 it holds in {}, "
-        "with the largest errors in {}, with the gain of 5 in Fig. 2 in {}, and with half of that "
-        "error as the bound in {}. With noise and half of it together it holds in {}, with a third "
-        "of it in {}."
-    ).format(*main)
+    yield f"less, by {percent(1 - less)}, than the error of its average"
+    whole, half = (
+        held("delay", "works_for_varying_delays", one) for one in ("", "delay_half_of_the_average")
+    )
+    yield f"It holds in {whole} samples, with half of that error as the bound in {half}."
     theory = golden_metrics("delay", "theory")
     yield f"up to {theory['projection', 'lyapunov_rate']:.2g} times rho"
     first = golden_metrics("delay", "fig1")
@@ -319,18 +292,17 @@ def of_imm() -> Iterator[str]:
     yield f"by {low * 100:.2g} % and +{high * 100:.2g} %"
     saturated = [tuned[f"{name}_tuned", "saturation_fraction"] for name in ("svsf", "svsf_thin")]
     assert saturated == [0, 0]
-    yield "no innovation leaves the boundary layers"
+    yield "No innovation leaves the boundary layers"
     yield from _of_layers_that_switch()
     yield from _of_samples()
 
 
 def _of_samples() -> Iterator[str]:
-    """How often quoted values hold, and main claims of filters with random gains."""
+    """How often quoted values hold, and a main claim of filters with random gains."""
     decider = _paper("imm").decider
-    for name in ("svsf_robust", "chattering_makes_surer"):
-        null = next(one for one in decider.registry.claims if one.name == name).with_null
-        random = decider.counted(null, decider.outcomes(null))
-        yield f"in {random.held} of {random.samples} samples, the SVSF in {_held('imm', name)}"
+    null = next(one for one in decider.registry.claims if one.name == "svsf_robust").with_null
+    random = decider.counted(null, decider.outcomes(null))
+    yield f"in {random.held} of {random.samples} samples, the SVSF in {_held('imm', 'svsf_robust')}"
     sides: dict[bool, list[str]] = {True: [], False: []}
     for chosen, word in _outcomes("imm", "svsf_robust"):
         exciting = any(isinstance(one, list) and one[0]["kind"] == "prbs" for one in chosen)
@@ -339,8 +311,6 @@ def _of_samples() -> Iterator[str]:
     inside, others = (f"{words.count('holds')} of {len(words)}" for words in sides.values())
     yield f"in {inside} samples with three outputs"
     yield f"in {others} others"
-    words = [word for _, word in _outcomes("imm", "svsf_robust")]
-    yield f"In {words.count('no case')} more samples"
     for claim in _paper("imm").claims:
         if claim.robustness and claim.name.endswith("_quoted"):
             yield f"held in {claim.robustness.held} of {claim.robustness.samples} samples"
@@ -367,16 +337,11 @@ def _of_layers_that_switch() -> Iterator[str]:
     assert found["svsf_retuned", "overshoot"] > 0.05 > found["svsf_thin_retuned", "overshoot"]
     yield f"{100 * outside:.2g} % of the innovations lie outside the thin layers and none outside"
     trials, earlier = (near["search", name] for name in ("trials", "earlier_trials"))
-    yield f"({trials:g} trials, after {earlier:g} of two"
-    margins = {
-        "the probability of leaving a mode may fall by": ("leave", "minimum"),
-        "the variance of the measured acceleration by": ("measurement_noise_3", "minimum"),
-        "the velocity may rise by": ("measurement_noise_2", "maximum"),
-    }
+    yield f"({trials:g} trials after {earlier:g} by other rules"
     band = _parameters("studies", "switching_neighbourhood")["band"]
     yield f"before one value is more than {band:g} off"
-    for what, (number, end) in margins.items():
-        yield f"{what} {percent(abs(near[number, f'{end}_factor'] - 1))}"
+    fall = percent(1 - near["leave", "minimum_factor"])
+    yield f"the probability of leaving a mode may fall by {fall}"
     leak = [
         causes["svsf_thin_retuned", f"fault_after variant={name}"] for name in ("whole", "frozen")
     ]
@@ -430,8 +395,6 @@ def of_eso() -> Iterator[str]:
         f"observer are {shares[0]:.2g} and {shares[1]:.2g} of those of the PI observer, "
         f"{without[0]:.2g} and {without[1]:.2g} s"
     )
-    assert re.fullmatch(r"(\d+) of \1", held("eso", "remark"))
-    yield "in all samples by less than the 5 % that count as the same"
     theory = golden_metrics("eso", "theory")
     norms = [theory[name, "norm"] for name in ("pd_pi", "minimum_gamma", "pi")]
     yield (
@@ -456,7 +419,6 @@ def _of_eso_shares() -> Iterator[str]:
     amperes, milliamperes = (_held("eso", "faster", unit) for unit in ("A", "mA"))
     yield f"it does in {held('eso', 'faster')} samples: in {amperes} with the PI observer's current"
     yield f"and in {milliamperes} in mA"
-    yield f"it is in {_held('eso', 'disturbances_attenuated', 'A')}, too few to exclude a tenth"
     words = [word for _, word in _outcomes("eso", "disturbances_attenuated")]
     yield f"in {words.count('tie')} others the two differ by less than 5 %"
     in_time = held("eso", "any_form", "lag: removed")
@@ -466,18 +428,7 @@ def _of_eso_shares() -> Iterator[str]:
     amperes, milliamperes = (_held("eso", "pi_cannot_follow", unit) for unit in ("A", "mA"))
     yield f"It holds in {held('eso', 'pi_cannot_follow')} samples, in {amperes} with currents in A"
     yield f"and in {milliamperes} in mA"
-    one = held("eso", "pi_cannot_follow", "eso_one_missed_fault_is_enough")
-    yield f"in {one} at least one of the two faults"
-    changed = {"designs": {"pi_feasible": {"current_unit": "mA"}}}
-    theory = lookup(Evaluator(Parameters.load(ROOT, "eso", changed)).theory())
-    missed = [theory["pi", f"missed_fast_{one}_fault lag=counted"] for one in _ESO_FAULTS]
-    assert missed[1] > 1.0, "all of the sensor fault"
-    yield f"the gains of minimum norm miss {percent(missed[0])}"
-    claim = "disturbances_attenuated"
-    yield f"it is in {held('eso', claim)} samples"
-    yield f"it is less in {held('eso', claim, 'eso_disturbances_to_the_faults')}."
-    whole = held("eso", claim, "eso_disturbances_with_noise_and_fault_rates")
-    yield f"it is less in {whole}, but"
+    yield f"it is in {held('eso', 'disturbances_attenuated')} samples"
 
 
 _ESO_FAULTS = ("actuator", "sensor")

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from docs.generate.evidence import Paper
 from docs.generate.markdown import plain, table, ticks
 from reobserve.core.documents import read_yaml
-from reobserve_papers.claims.verdict_rules import CONTRADICTED, DEPENDS, REPRODUCED, VERDICTS
 from reobserve_papers.claims.verdict_table import counts_table, dissent, sentence, titles_table
 from reobserve_papers.report.gather import cited
 from reobserve_papers.report.reported_claims import SIGNS, ReportedClaim
 
 _ROOT = "../../.."  # from a page of findings
+
+# Words of dissent and of the last column of claims that a note below the table, or none, replaces.
+_AFTER = " The reading taken was chosen after its numbers were known."
+_ALLOWED = ", which its samples allow:"
+_NONE_DECIDES = "no single choice decides"
 
 
 def verdicts(papers: Sequence[Paper], folder: str = "") -> str:
@@ -35,8 +40,23 @@ def what_it_is_about(papers: Sequence[Paper], folder: str = "") -> str:
 
 
 def findings(paper: Paper) -> str:
-    """The claims of a paper with their verdicts, and the citation of the paper."""
-    return f"{_claims(paper)}\n\n{_cite(paper)}"
+    """Dissent on the title, and the other claims with their verdicts."""
+    others = _claims(claim for claim in paper.claims if not _decides(claim))
+    return f"{_dissent(paper)}\n## Other claims\n\n{others}"
+
+
+def citations(root: Path, papers: Sequence[Paper]) -> str:
+    """BibTeX entries of the project and the papers."""
+    stated = read_yaml(root / "CITATION.cff")
+    here = stated | {"title": f"{stated['title']}, version {stated['version']}"}
+    here |= {"year": str(stated["date-released"])[:4], "type": "software"}
+    known = {one["title"]: one for one in stated["references"]}
+    entries = [_bibtex("reobserve", here)]
+    entries += [
+        _bibtex(paper.name, known.get(paper.about["title"], _as_cited(paper.about)))
+        for paper in papers
+    ]
+    return f"```bibtex\n{''.join(entries)}```"
 
 
 def chip(verdict: str) -> str:
@@ -59,79 +79,62 @@ def _rows(papers: Sequence[Paper]) -> list[dict[str, str]]:
 
 
 def summary(paper: Paper) -> str:
-    """A paper, its title as a replication and its verdicts, counted."""
-    about = paper.about
+    """Title and result of a replication, the main claims, and what the paper leaves open."""
+    about, title = paper.about, paper.title
     doi = about.get("doi")
     lines = [f"{plain(', '.join(about['authors']))}: *{plain(about['title'])}*"]
     lines += [str(about["year"])] if "year" in about else []
     lines += [f"[doi:{plain(doi)}](https://doi.org/{doi})"] if doi else []
-    rows = _rows([paper])
-    counts = [(word, sum(row["verdict"] == word for row in rows)) for word in VERDICTS]
-    chips = ", ".join(f'<span class="count">{chip(word)} {n}</span>' for word, n in counts if n)
-    title = paper.title
+    certain = sum(one.certainty == "certain" for one in paper.errata)
+    config = f"{_ROOT}/config"
     return (
-        f"{', '.join(lines)}.\n\n"
         f"**{plain(title.in_words)}.** {ticks(sentence(title, paper.result))}\n\n"
-        f"{_three_lines(paper)}\n\n"
-        f"**Dissent.** {_linked(paper, dissent(title))}\n\n"
-        f"Of its {len(rows)} claims:\n\n"
-        f"{chips}\n\n"
-        f"**Limitations.** {ticks(paper.registry.limitations)}"
+        f"{', '.join(lines)} ([cite](../project/citing.md)).\n\n"
+        f"{_claims(filter(_decides, paper.claims))}\n"
+        f"[How to read these tables](index.md#how-to-read-a-page), [dissent](#dissent). "
+        f"[Checks and bounds]({config}/claims/{paper.name}.yaml), "
+        f"[assumptions]({config}/papers/{paper.name}.yaml), "
+        f"[{len(paper.errata)} errata, {certain} of them certain]"
+        f"({config}/errata/{paper.name}.yaml), "
+        f"[all figures]({_ROOT}/tests/reference/{paper.name}).\n\n"
+        f"**What the paper leaves open.** {ticks(paper.registry.limitations)}"
     )
 
 
-def _three_lines(paper: Paper) -> str:
-    """The main claims that hold, that fail, that depend, and on what, and those left open."""
-    kinds = {REPRODUCED: "Holds", CONTRADICTED: "Fails", DEPENDS: "Depends"}
-    sorted_by: dict[str, list[str]] = {kind: [] for kind in (*kinds.values(), "Open")}
-    for claim in filter(_decides, paper.claims):
-        kind = kinds.get(claim.verdict, "Open")
-        said = f"[{ticks(claim.statement.rstrip('.'))}](#claim-{claim.name})"
-        if kind in ("Depends", "Open"):
-            verdict = claim.verdict if kind == "Open" else ""
-            said += f" ({', '.join(filter(None, [verdict, _no_better(claim), _share(claim)]))})"
-        sorted_by[kind].append(said)
-    return "\n".join(
-        f"- **{kind}**: {'; '.join(listed) if listed else 'no main claim'}."
-        for kind, listed in sorted_by.items()
-        if listed or kind != "Open"
-    )
+def _dissent(paper: Paper) -> str:
+    """The readings that would give another title, as a table with links to the claims."""
+    title = paper.title
+    rows = []
+    for said in title.dissent:
+        word, _, rest = said.removesuffix(_AFTER).partition(": ")
+        why, changes = re.split(r"(?<=\.) (?=`|Then )", rest, maxsplit=1)
+        rows.append((f"{word} †" if said.endswith(_AFTER) else word, why, changes))
+    for said in title.undecided:
+        word, changes = said.split(" if ", maxsplit=1)
+        rows.append((word, "The samples leave this open.", f"{changes.replace(_ALLOWED, ':')}."))
+    known = "|".join(claim.name for claim in paper.claims)
+    linked = [
+        (plain(word), ticks(why), re.sub(rf"`({known})`", r"[`\1`](#claim-\1)", ticks(changes)))
+        for word, why, changes in rows
+    ]
+    taken_here = _AFTER.replace("taken", "taken here")
+    note = f"\n†:{taken_here}\n" if any("†" in row[0] for row in rows) else ""
+    counted = dissent(title).partition("\n")[0]
+    listed = table(("title", "reading", "change"), linked) if rows else ""
+    return f"## Dissent\n\n{counted}\n\n{listed}{note}"
 
 
-def _linked(paper: Paper, text: str) -> str:
-    """A text of several lines in which names of claims are links to them."""
-    lines = (re.sub(r"^&#45; ", "- ", ticks(line)) for line in text.strip().split("\n"))
-    names = "|".join(claim.name for claim in paper.claims)
-    return re.sub(rf"`({names})` (?=is|then)", r"[`\1`](#claim-\1) ", "\n".join(lines))
-
-
-def _claims(paper: Paper) -> str:
-    """A table of all claims, each with an anchor."""
+def _claims(claims: Iterable[ReportedClaim]) -> str:
+    """A table of claims, each with an anchor."""
     rows = [
         (
-            f'<a id="claim-{claim.name}"></a>{ticks(claim.statement)}'
-            + (" **Main claim.**" if _decides(claim) else ""),
+            f'<a id="claim-{claim.name}"></a>{ticks(claim.statement)}',
             chip(claim.verdict) + (f", {no_better}" if (no_better := _no_better(claim)) else ""),
             _share(claim),
         )
-        for claim in paper.claims
+        for claim in claims
     ]
-    certain = sum(one.certainty == "certain" for one in paper.errata)
-    return (
-        "## Claims\n\nThe statements are in our words. The last column is the share of samples of "
-        "the unstated choices in which the claim holds, with its confidence interval: each end "
-        "holds with 95 % confidence at any number of samples. The baseline is a constant "
-        "guess, the measurement passed through or random gains; its share is of the same samples. "
-        "Of a claim that depends on choices or is undecided it says instead which choice separates "
-        "the outcomes most, if one explains a fifth of them or more: it was found in one half of "
-        "the samples, and the numbers are of the other half, or of all where settings are counted. "
-        f"[Checks and bounds]({_ROOT}/config/claims/{paper.name}.yaml) of each claim are in one "
-        "file, earlier ones there under `history`. The paper has "
-        f"[{len(paper.errata)} errata, {certain} of them certain]"
-        f"({_ROOT}/config/errata/{paper.name}.yaml). `results/report.html` shows all numbers "
-        f"and [figures]({_ROOT}/tests/reference/{paper.name}).\n\n"
-        f"{table(('claim', 'verdict', 'held in samples'), rows)}"
-    )
+    return table(("claim", "verdict", "held in samples"), rows)
 
 
 def _decides(claim: ReportedClaim) -> bool:
@@ -150,27 +153,11 @@ def _share(claim: ReportedClaim) -> str:
     baseline = "" if found.null is None else f"; baseline {100 * found.null:.0f} %"
     if claim.choice:
         return plain(claim.separation) + baseline
-    joint = f": {plain(claim.separation)}" if claim.separation else ""
+    joint = f": {plain(claim.separation)}" if claim.separation not in ("", _NONE_DECIDES) else ""
     share, low, high = (f"{100 * part:.0f}" for part in (found.share, found.low, found.high))
     if found.whole:
         return f"{share} % of all{joint}{baseline}"
     return f"{share} % ({low} to {high} %){joint}{baseline}"
-
-
-def _cite(paper: Paper) -> str:
-    stated = read_yaml(paper.root / "CITATION.cff")
-    known = {one["title"]: one for one in stated["references"]}
-    here = stated | {"title": f"{stated['title']}, version {stated['version']}"}
-    here |= {"year": str(stated["date-released"])[:4], "type": "software"}
-    entries = [_bibtex(paper.name, known.get(paper.about["title"], _as_cited(paper.about)))]
-    entries += [_bibtex("reobserve", here)]
-    return (
-        "## How to cite it\n\n"
-        "Cite the paper whose observer or claims you use, and this replication:\n\n"
-        f"```bibtex\n{''.join(entries)}```\n\n"
-        f"The assumptions behind its numbers are in [its parameter file]"
-        f"({_ROOT}/config/papers/{paper.name}.yaml)."
-    )
 
 
 def _as_cited(about: Mapping[str, Any]) -> dict[str, Any]:
