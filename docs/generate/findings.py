@@ -107,7 +107,7 @@ def _dissent(paper: Paper) -> str:
     rows = []
     for said in title.dissent:
         word, _, rest = said.removesuffix(_AFTER).partition(": ")
-        why, changes = re.split(r"(?<=\.) (?=`|Then )", rest, maxsplit=1)
+        why, changes, *_ = *re.split(r"(?<=\.) (?=`|Then )", rest, maxsplit=1), ""
         rows.append((f"{word} †" if said.endswith(_AFTER) else word, why, changes))
     for said in title.undecided:
         word, changes = said.split(" if ", maxsplit=1)
