@@ -22,6 +22,7 @@ from reobserve.core.errors import InputError, shown
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import (
     SECOND,
+    SPELLED_DURATION,
     moment,
     of_nanoseconds,
     offset_of,
@@ -79,6 +80,8 @@ class Dates:
                 "with a time, as 2026-03-29T01:59:58Z, or without; columns.time.format states "
                 "another form"
             )  # fmt: skip
+            if SPELLED_DURATION.fullmatch(text):
+                wanted += "; of a duration columns.time.unit is duration"
             problem = f"{where} is {shown(text)}, must be a date {wanted}"
         raise InputError(place, problem)
 
@@ -144,11 +147,15 @@ class Dates:
 
 @dataclass(frozen=True)
 class Clock:
-    """The columns of timestamps, by their ``titles``: ``dates``, or numbers with a conversion."""
+    """The columns of timestamps, by their ``titles``: ``dates``, or numbers with a conversion.
+
+    If time has ``elapsed``, the numbers are those of seconds in durations.
+    """
 
     titles: tuple[str, ...]
     way: Conversion
     dates: Dates | None = None
+    elapsed: bool = False
 
     def begin(self, number: float, report: DataReport) -> None:
         """Settle the second that times count from, by the first number."""

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -154,17 +155,21 @@ def follow(
     period: float,
 ) -> None:  # fmt: skip
     """Add rows to intervals: interruptions that are shorter than ten periods belong to them."""
-    for k in range(len(time)):
-        now, on, interval = float(time[k]), raised[k] == 1.0, entry.current
+    sigmas = repeat(None, len(time)) if deviations is None else deviations.tolist()
+    unknown = np.isnan(values) | np.isnan(raised)
+    every = (time.tolist(), values.tolist(), sigmas, (raised == 1.0).tolist(), unknown.tolist())
+    for now, column, deviation, on, lacks in zip(*every, strict=True):
+        interval = entry.current
+        if interval is None and not on:
+            continue
         if interval is not None and now - interval.end > QUIET * period:
             entry.close()
             interval = None
         if on and interval is None:
             interval = entry.current = Interval(now, now)
             entry.first = now if entry.first is None else entry.first
-        if interval is not None and not (np.isnan(values[k]) or np.isnan(raised[k])):
-            sigma = None if deviations is None else float(deviations[k])
-            entry.waiting.append([float(values[k]), sigma])
+        if interval is not None and not lacks:
+            entry.waiting.append([column, deviation])
         if on and interval is not None:
             entry.rows += 1
             interval.end = now

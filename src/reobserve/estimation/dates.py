@@ -8,16 +8,21 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, date, datetime, timedelta, tzinfo
+from decimal import Decimal
 from functools import cache
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from reobserve.core.errors import InputError, shown
 
-ISO = "iso8601"  # in the place of a unit
+ISO, DURATION = "iso8601", "duration"  # in the place of a unit
 SECOND = 10**9  # [ns]
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _DATED = re.compile(r"\d{4}-?\d\d-?\d\d[T ]\d|\d{4}-\d\d-\d\d$")  # a day, and perhaps an hour
+# Hours that may pass 24, minutes and seconds, perhaps with days.
+SPELLED_DURATION = re.compile(
+    r"([+-]?)(?:(\d+)(?: ?d(?:ays?)?,? ?|\.))?(\d+):([0-5]\d):([0-5]\d(?:\.\d*)?)", re.ASCII
+)
 # Of each day of the year on which clocks are put forward, one zone that many live in.
 _FORWARD = (
     "Europe/Berlin", "Europe/London", "Europe/Athens", "America/New_York", "Australia/Sydney",
@@ -38,6 +43,16 @@ def moment(text: str, form: str) -> datetime:
     if not looks_dated(text):
         raise ValueError
     return datetime.fromisoformat(text)
+
+
+def seconds_of(duration: str) -> str:
+    """The seconds of a duration, with all their digits (raises ValueError if it is none)."""
+    match = SPELLED_DURATION.fullmatch(duration)
+    if match is None:
+        raise ValueError
+    sign, days, hours, minutes, seconds = match.groups()
+    whole = 86400 * int(days or 0) + 3600 * int(hours) + 60 * int(minutes)
+    return f"{sign}{whole + Decimal(seconds)}"
 
 
 def since_1970(date: datetime) -> int:

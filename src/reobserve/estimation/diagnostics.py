@@ -35,8 +35,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import ReobserveError
+from reobserve.core.units import angles, readings
 from reobserve.estimation.gaps import Stretch, joined
 from reobserve.estimation.output_columns import RESIDUAL
+from reobserve.estimation.quantities import conversion
 
 if TYPE_CHECKING:
     from reobserve.estimation.estimate import Estimation
@@ -196,12 +198,22 @@ def _contradicted(estimation: Estimation, y: Array, run: Any, where: str) -> lis
             contradicted = off > max(least)
             than = f"{_percent(off, measured)} of the spread of what is measured"
         if contradicted:
+            turn = _turn(layout.units[layout.timed + c])
+            wraps = bool((np.abs(np.diff(y[:, c])) > 0.5 * turn).any())
             sentences.append(
                 f"residual {name}: it is {than} in the second half of {where}; a "
                 "unit, a sign, an offset, the model or the sensor is wrong, or there is a fault "
-                "from early on"
+                "from early on" + wraps * "; of an angle that wraps, observer.periods states the "
+                "period, or wrap of its column"
             )
     return sentences
+
+
+def _turn(unit: str) -> float:
+    """A turn in a unit, infinite if it is none of angles."""
+    if not any(angles(each) == 1.0 and each.dimensionless for each in readings(unit)):
+        return np.inf
+    return 2.0 * np.pi * float(conversion("", "rad", unit).factor)
 
 
 def _size(values: Array) -> float:

@@ -189,7 +189,7 @@ def _blocks(
     except InputError as error:  # after which nothing can be read
         refusals.refuse(("",), error)
     if refusals.found:
-        raise refusals.error(file.lines_at, estimation.can_skip)
+        raise refusals.error(file.lines_at, estimation.can_skip, file.word)
     if not estimation.report.estimates:
         empty = [name for name in estimation.layout.held if name not in estimation.report.levels]
         hint = f"; {', '.join(empty)} never has a value" if empty else ""

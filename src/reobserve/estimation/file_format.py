@@ -9,15 +9,16 @@ file:
   repeated_header: skip         leave out lines that repeat the header
   missing_values: ["?", "OL"]   texts that mean a missing value, besides those of `NOTHING`
   tail: drop                    leave out a last line that may be truncated
+  where: {entity: sensor.x}     take only rows that have this text in the column
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.validation import checked, items, within
+from reobserve.core.validation import as_stated, checked, items, within
 
 # What pandas and pyarrow take for missing values, and what no number is spelled like.
 NOTHING = (
@@ -37,6 +38,14 @@ def _printable(place: str, value: str) -> None:
         raise InputError(place, problem)
 
 
+def _choice(place: str, value: Any) -> None:
+    texts = value["not"] if isinstance(value, dict) and value.keys() == {"not"} else value
+    listed = texts if isinstance(texts, list) else [texts]
+    if not listed or not all(isinstance(text, str) for text in listed):
+        problem = f"{shown(value)} must be a text (a number in quotes), a list of texts, or not: "
+        raise InputError(place, f"{problem}and one of these")
+
+
 Text = Annotated[str, checked(_printable)]
 
 
@@ -52,6 +61,9 @@ class FileFormat:
     A last line without a line end may have been truncated within a number. It is read, and refused
     where that cannot be done. With ``tail: drop`` it is left out, and so is a last line, with or
     without an end, that is no row.
+
+    ``where`` takes rows of Parquet files, too: by the name of a column, a text that its cell must
+    be, a list of which it must be one, or either under ``not``. All columns must be as stated.
     """
 
     skip: Annotated[int, within(0, 100_000)] = 0
@@ -62,6 +74,7 @@ class FileFormat:
     repeated_header: Literal["refuse", "skip"] = "refuse"
     missing_values: Annotated[tuple[Text, ...], items(0, 100)] = ()
     tail: Literal["refuse", "drop"] = "refuse"
+    where: dict[str, Annotated[Any, as_stated(_choice)]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.header == "commented" and not self.comment:

@@ -67,11 +67,13 @@ class Gaps:
         there: NDArray[np.bool_] = np.isfinite(rows.values)
         self.report.refusals.forget(float(rows.time[0]))
         self._count(rows, there)
-        if there.all() and self.started and not self.in_gap:
+        if there.all():
+            begins = self._begins(float(rows.time[0]))
             self.last = float(rows.time[-1])
             status = np.where(rows.between.any(axis=1), FILLED, MEASURED).astype(np.int8)
+            status[0] = RESTARTED if begins and self.report.restarts else status[0]
             self._tell(status)
-            return [Stretch(rows.time, y, u, status, False)]
+            return [Stretch(rows.time, y, u, status, begins)]
         known: NDArray[np.bool_] = np.asarray(there[:, p:].all(axis=1))
         full: NDArray[np.bool_] = known & there[:, :p].all(axis=1)
         usable = full

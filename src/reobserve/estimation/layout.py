@@ -13,7 +13,7 @@ from reobserve.core.errors import InputError, ProblemsError, nearest, shown
 from reobserve.core.units import check_unit, readings
 from reobserve.estimation.clock import Clock, Dates
 from reobserve.estimation.data_report import DataReport
-from reobserve.estimation.dates import ISO, looks_dated
+from reobserve.estimation.dates import DURATION, ISO, looks_dated
 from reobserve.estimation.dialect import SIGNS
 from reobserve.estimation.observer_design import Design
 from reobserve.estimation.quantities import SAME, Conversion, agree, conversion
@@ -231,13 +231,13 @@ def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -
     """The columns of timestamps and the way they are written, None if there are none."""
     if not time.columns:
         return None
-    is_iso = time.dated == ISO
+    dated, elapsed = time.dated in (ISO, DURATION), time.unit == DURATION
     columns = [
-        _title("columns.time", Column(name, "" if is_iso else time.unit), header, place, is_iso)
+        _title("columns.time", Column(name, "" if dated else time.unit), header, place, dated)
         for name in time.columns
     ]
     titles, units = tuple(title for title, _ in columns), [unit for _, unit in columns]
-    if ISO in units:
+    if ISO in units and not elapsed:
         return Clock(titles, SAME, Dates(titles, time.format, time.zone, period, time.day))
     for key, is_set in (("column", len(titles) > 1), ("zone", time.zone)):
         if is_set:
@@ -245,7 +245,8 @@ def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -
             raise InputError(
                 f"columns.time.{key}", f"{problem} for dates, which have a format, or unit: {ISO}"
             )
-    return Clock(titles, conversion("columns.time.unit", units[0] or "s", "s"))
+    way = SAME if elapsed else conversion("columns.time.unit", units[0] or "s", "s")
+    return Clock(titles, way, elapsed=elapsed)
 
 
 def _names(columns: Columns) -> set[str]:

@@ -12,6 +12,8 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from decimal import Decimal
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ from reobserve.estimation.dates import ISO
 from reobserve.estimation.dialect import Dialect, Head, bare, read_head
 from reobserve.estimation.file_format import NOTHING
 from reobserve.estimation.refusals import RowError
+from reobserve.estimation.row_choice import RowChoice
 from reobserve.estimation.streaming import LONGEST
 from reobserve.estimation.text_rows import TextRows
 
@@ -65,6 +68,11 @@ class File:
     def columnar(self) -> bool:
         """True if it is no text."""
         return self._ending == ".parquet"
+
+    @property
+    def word(self) -> str:
+        """What messages call a place in the file."""
+        return "row" if self.columnar else "line"
 
     def header(self) -> list[str]:
         """The titles of the columns.
@@ -109,9 +117,9 @@ class File:
             if not self.columnar:
                 yield from self._of_text(columns, clock, report, tell)
                 return
-            rows = 0
             titles = () if clock is None else clock.titles
-            for batch in self._batches(list(dict.fromkeys([*columns, *titles])), tell):
+            choice = RowChoice(self.dialect.file.where, self.header(), str(self.path), report)
+            for batch, rows in self._chosen([*columns, *titles], choice, tell):
                 read = [
                     self._times(batch, clock, rows, report)
                     if clock is not None and name == titles[0]
@@ -119,7 +127,7 @@ class File:
                     for name in columns
                 ]
                 yield np.column_stack(read)
-                rows += batch.num_rows
+            choice.check_some()
 
     def first_rows(self, count: int) -> dict[str, list[Any]]:
         """The first cells of all columns of a Parquet file, by title."""
@@ -130,6 +138,22 @@ class File:
             first = next(batches, None)
             titles = self.header()
             return {title: [] for title in titles} if first is None else first.to_pydict()
+
+    def _chosen(
+        self, columns: Sequence[str], choice: RowChoice, tell: Tell | None = None
+    ) -> Iterator[tuple[Any, Sequence[int]]]:
+        """Blocks of the rows to read of a Parquet file, and which rows of it these are, from 1."""
+        above, titles = 0, [self.header()[place] for place in choice.places]
+        for batch in self._batches(list(dict.fromkeys([*columns, *titles])), tell):
+            rows = range(above + 1, above + 1 + batch.num_rows)
+            above += batch.num_rows
+            if not titles:
+                yield batch, rows
+                continue
+            cells = zip(*(batch.column(title).to_pylist() for title in titles), strict=True)
+            taken = np.array([not choice.leaves_out(row) for row in cells])
+            if taken.any():
+                yield batch.filter(taken), [*compress(rows, taken)]
 
     def _batches(self, columns: list[str], tell: Tell | None) -> Iterator[Any]:
         import pyarrow.parquet as parquet
@@ -166,6 +190,7 @@ class File:
             if len(values):
                 yield values
         rows.finish()
+        rows.choice.check_some()
 
     def rows(
         self, head: Head, columns: Sequence[str], clock: Clock | None, report: DataReport
@@ -181,7 +206,7 @@ class File:
         dialect, width = self.dialect, rows.width
         text, first = rows.plain(text)
         names = list(map(str, range(len(first))))
-        if len(names) < width:
+        if len(names) < min(width, rows.fewest):
             raise ValueError
         kinds = {name: pa.null() for name in names[width:]}  # where rows end with delimiters
         wanted = [names[place] for place in rows.places]
@@ -219,6 +244,7 @@ class File:
             read.insert(0, times)
         if dialect.timed and np.isnan(read[0]).any():
             raise ValueError
+        rows.begun = True
         return np.column_stack(read)
 
     def texts(self, above: int, block: int, tell: Tell | None = None) -> Iterator[tuple[int, str]]:
@@ -257,10 +283,16 @@ class File:
         return pa.input_stream(packed or pa.OSFile(str(self.path)), _PACKED.get(self._ending))
 
     def lines_at(self, numbers: Sequence[int]) -> dict[int, int]:
-        """The lines of rows in the file, both from 1 on, none in a Parquet file."""
+        """The lines of rows in the file, or their rows in a Parquet file, all from 1 on."""
         lines, count, wanted = dict[int, int](), 0, set(numbers)
-        if self.columnar or not wanted:
+        if not wanted:
             return lines
+        if self.columnar:
+            if not self.dialect.file.where:
+                return {k: k for k in wanted}
+            choice = RowChoice(self.dialect.file.where, self.header(), str(self.path), DataReport())
+            places = (place for _, taken in self._chosen([], choice) for place in taken)
+            return {k: place for k, place in enumerate(places, 1) if k in wanted}
         head = self.head()
         rows = self.rows(head, (), None, DataReport())
         for _, text in self.texts(head.lines, self.block):
@@ -278,25 +310,16 @@ class File:
         try:
             yield
         except RowError as error:
-            raise error.at_line(self.lines_at([error.row]).get(error.row)) from None
+            raise error.at_line(self.lines_at([error.row]).get(error.row), self.word) from None
 
-    def _times(self, batch: Any, clock: Clock, rows: int, report: DataReport) -> Array:
-        """Times of a block of a Parquet file."""
+    def _times(self, batch: Any, clock: Clock, rows: Sequence[int], report: DataReport) -> Array:
+        """Times of a block of a Parquet file, which has these of its rows."""
         import pyarrow as pa
 
         columns = [batch.column(title) for title in clock.titles]
         kind, dates = columns[0].type, clock.dates
         if dates is None:
-            numbers = self._floats(columns[0], clock.titles[0])
-            known = np.isfinite(numbers)
-            if known.any():
-                clock.begin(float(numbers[known.argmax()]), report)
-            if not report.shift:
-                return numbers
-            cells = columns[0].to_pylist()
-            return np.array([
-                math.nan if cell is None else clock.exact(cell, report) for cell in cells
-            ])  # fmt: skip
+            return self._seconds(columns[0], clock, report)
         if not columns[1:] and (pa.types.is_timestamp(kind) or pa.types.is_date(kind)):
             return date_columns.of_timestamps(columns[0], dates, report)
         for k, title in enumerate(clock.titles):
@@ -312,9 +335,7 @@ class File:
             return times
         where = f"of column {' and '.join(map(shown, clock.titles))}"
         seconds = []
-        for row, cells in enumerate(
-            zip(*(column.to_pylist() for column in columns), strict=True), rows + 1
-        ):
+        for row, *cells in zip(rows, *(column.to_pylist() for column in columns), strict=True):
             texts = [bare(cell or "") for cell in cells]
             time = math.nan
             if not any(text in NOTHING for text in texts):
@@ -326,6 +347,27 @@ class File:
                     report.refusals.leave_out([row])
             seconds.append(time)
         return np.array(seconds)
+
+    def _seconds(self, column: Any, clock: Clock, report: DataReport) -> Array:
+        """Times of a block of a Parquet file that are numbers or durations."""
+        import pyarrow as pa
+
+        if pa.types.is_duration(column.type) != clock.elapsed:
+            problem = f"column {shown(clock.titles[0])} is of the type {column.type}"
+            raise InputError(str(self.path), f"{problem}; durations have the unit duration")
+        if clock.elapsed:
+            ticks = column.cast(pa.duration("ns")).cast(pa.int64()).to_pylist()
+            column = pa.array([None if k is None else Decimal(k).scaleb(-9) for k in ticks])
+        numbers = self._floats(column, clock.titles[0])
+        known = np.isfinite(numbers)
+        if known.any():
+            clock.begin(float(numbers[known.argmax()]), report)
+        if not (report.shift or clock.elapsed):
+            return numbers
+        cells = column.to_pylist()
+        return np.array([
+            math.nan if cell is None else clock.exact(cell, report) for cell in cells
+        ])  # fmt: skip
 
     def _floats(self, column: Any, name: str) -> Array:
         import pyarrow as pa

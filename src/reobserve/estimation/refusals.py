@@ -72,10 +72,10 @@ class RowError(PolicyError):
         self.template, self.row = problem, row
         super().__init__(parameter, problem.replace("{at}", f"row {row}", 1), key)
 
-    def at_line(self, line: int | None) -> RowError:
-        """The same by the line of the file, if it has lines."""
+    def at_line(self, line: int | None, word: str = "line") -> RowError:
+        """The same by the line of the file, or by what the ``word`` says."""
         if line is not None:
-            problem = self.template.replace("{at}", f"line {line}", 1)
+            problem = self.template.replace("{at}", f"{word} {line}", 1)
             InputError.__init__(self, self.parameter, problem)
         return self
 
@@ -188,19 +188,22 @@ class Refusals:
             if _BEFORE not in kind and kind[0] != "sampling.at_gap"
         }  # fmt: skip
 
-    def error(self, lines_at: Callable[[list[int]], dict[int, int]], predicts: bool) -> InputError:
+    def error(
+        self, lines_at: Callable[[list[int]], dict[int, int]], predicts: bool, word: str
+    ) -> InputError:
         """All that is refused, in the order of the lines.
 
-        ``lines_at`` has the lines of rows. An observer that ``predicts`` can skip and coast.
+        ``lines_at`` has the lines of rows, or what the ``word`` says. An observer that
+        ``predicts`` can skip and coast.
         """
         lines = lines_at([row for one in self.found.values() for row in one.rows])
         listed = list[tuple[int, str, InputError]]()
         for kind, one in self.found.items():
             error, at = one.error, one.lines or [lines.get(row, row) for row in one.rows]
             if isinstance(error, RowError):
-                error.at_line(lines.get(error.row))
+                error.at_line(lines.get(error.row), word)
             which = "before" if _BEFORE in kind else "in"
-            place = f"{which} line" if one.lines or lines else f"{which} row"
+            place = f"{which} {word}"
             if one.count > 1:
                 error.add_note(f"{one.count} times, first {place}s {', '.join(map(str, at))}")
             elif one.rows and not isinstance(error, RowError):

@@ -7,8 +7,9 @@ observer and back without a detour by blocks. Else it is a block of one row.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator, Mapping
-from itertools import chain
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from reobserve.observers.record import Record
 
 Array = NDArray[np.float64]
 
+_REMEMBERED = 1000  # lines of rows
 _PATIENCE = 20  # rows that all go the long way, on which the sampling period is checked
 
 
@@ -44,11 +46,13 @@ class RowByRow:
             report.count(report.left_out, why, count)
         self.stamp: int | None = None  # [ns], of the last row if it has a date
         self.short = (
-            sampling.uneven == "refuse" and layout.timed and dialect.plain
+            sampling.uneven == "refuse" and layout.clock is not None and dialect.plain
+            and not layout.clock.elapsed
             and sampling.repeated in ("refuse", "first")
             and not any(layout.ranges) and not any(layout.periods) and not any(layout.holds)
         )  # fmt: skip
         self.recent: tuple[float, list[float]] | None = None
+        self.lines: deque[int] = deque(maxlen=_REMEMBERED)  # of the last rows
         self.y = np.empty((1, layout.measurements))
         self.u = np.empty((1, len(layout.names) - layout.timed - layout.measurements))
 
@@ -57,6 +61,7 @@ class RowByRow:
         row = self.rows.row(line)
         if row is None:
             return ""
+        self.lines.append(self.rows.line)
         try:
             cells = self.rows.cells(row)
             if cells is None:
@@ -72,7 +77,8 @@ class RowByRow:
             return self._long(cells)
         except RowError as error:  # of this row, as the estimation takes one at a time
             waited = max(self.estimation.report.rows - error.row, 0)
-            raise error.at_line(self.rows.line - waited) from None
+            lines = [self.rows.line - waited, *islice(reversed(self.lines), waited, waited + 1)]
+            raise error.at_line(lines[-1]) from None
 
     def _time(self, cells: list[str]) -> float:
         clock, report = self.rows.clock, self.estimation.report
@@ -182,6 +188,7 @@ class RowByRow:
     def finish(self) -> str:
         """The lines that waited for rows which do not come."""
         self.settle()
+        self.rows.choice.check_some()
         return self._text(self.estimation.finish())
 
     def _text(self, block: Estimated) -> str:

@@ -23,7 +23,7 @@ from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.units import check_unit
 from reobserve.core.validation import NotNegative, Positive, checked, form, having, items, parse
-from reobserve.estimation.dates import ISO, check_day, check_format, check_zone
+from reobserve.estimation.dates import DURATION, ISO, check_day, check_format, check_zone
 from reobserve.estimation.detector_alarms import DetectorRule
 from reobserve.estimation.families.observer_section import DesignFile, as_observer
 from reobserve.estimation.file_format import Decimal, Delimiter, Encoding, FileFormat, Thousands
@@ -55,8 +55,9 @@ Few = checked(_few)
 class TimeColumn:
     """The timestamps. Without ``column`` there are none, and rows are a sampling period apart.
 
-    The ``unit`` is one of time, or iso8601 for dates; dates of another form have a ``format`` in
-    its place, as Python's strptime reads it: "%d.%m.%Y %H:%M:%S". Dates without an offset are those
+    The ``unit`` is one of time, iso8601 for dates, or duration for hours that may pass 24, as
+    26:30:00, perhaps with days, as 1d 02:30:00; dates of another form have a ``format`` in its
+    place, as Python's strptime reads it: "%d.%m.%Y %H:%M:%S". Dates without an offset are those
     of the time ``zone``, as Europe/Berlin, or else of UTC. A list of columns, as of dates and
     times of day, is read as one, with a blank between their cells.
     Where the format has times of day alone, ``day`` is that of the first row, as 2026-03-29, and
@@ -82,7 +83,7 @@ class TimeColumn:
             check_format("format", self.format, bool(self.day))
             if self.unit:
                 raise InputError("unit", "must be left out where there is a format")
-        elif self.unit != ISO:
+        elif self.unit not in (ISO, DURATION):
             conversion("unit", self.unit or "s", "s")
 
     @property

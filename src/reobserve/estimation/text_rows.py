@@ -15,9 +15,10 @@ from collections.abc import Callable, Sequence
 from reobserve.core.errors import InputError, shown
 from reobserve.estimation.clock import Clock
 from reobserve.estimation.data_report import DataReport
-from reobserve.estimation.dates import ISO, looks_dated
+from reobserve.estimation.dates import ISO, looks_dated, seconds_of
 from reobserve.estimation.dialect import COMMENTS, UNDECODED, Dialect, Head, bare
 from reobserve.estimation.refusals import Kind
+from reobserve.estimation.row_choice import RowChoice
 
 _DATED = re.compile(r"\d{1,4}[./-]\d\d?[./-]\d{2,4} \d")
 _HOUR = re.compile(r"\d\d?:\d\d")
@@ -57,8 +58,12 @@ class TextRows:
         self.width = len(head.titles)
         self.places = [head.titles.index(title) for title in columns]
         self.clocks = [] if clock is None else [head.titles.index(title) for title in clock.titles]
+        self.choice = RowChoice(dialect.file.where, head.titles, place, report)
+        read = [*self.places, *self.clocks, *self.choice.places]
+        self.least = max(read, default=0) + 1  # cells of a row
         self.line = head.lines
         self.ended, self.repeats, self.complete = True, False, True
+        self.begun = bool(dialect.file.names)
         self.held: tuple[Kind, InputError, int] | None = None  # of the last row, with its line
 
     def row(self, line: str) -> str | None:
@@ -82,6 +87,10 @@ class TextRows:
         if self.held is not None:
             (kind, error, at), self.held = self.held, None
             self.report.refusals.refuse(kind, error, line=at)
+        if file.where:
+            cells = self._split(line)
+            if self.choice.leaves_out([cells[k] for k in self.choice.places if k < len(cells)]):
+                return None
         return line
 
     def _refuse(self, kind: Kind, make: Callable[[], InputError]) -> None:
@@ -98,18 +107,20 @@ class TextRows:
             self.held = None
 
     def cells(self, row: str) -> list[str] | None:
-        """The cells of a row without empty ones beyond the header's, or None if it is refused."""
-        try:
-            cells = self.dialect.cells(row)
-        except csv.Error:
-            cells = []
-        if len(cells) == self.width:
+        """The cells of a row, or None if it is left out.
+
+        The first one shows whether the header is right. From then on, cells that nobody reads may
+        lack at the end of a row, and there may be some without a title that are no numbers.
+        """
+        cells, width = self._split(row), self.width
+        if len(cells) == width or (len(cells) > width and not any(map(str.strip, cells[width:]))):
+            self.begun = True
             return cells
-        if len(cells) > self.width and not any(map(str.strip, cells[self.width :])):
-            return cells[: self.width]
+        if len(cells) >= self.fewest and not any(map(self._is_number, cells[width:])):
+            return cells
         whose = "file.names" if self.dialect.file.names else "the header"
         count = "1 cell" if len(cells) == 1 else f"{len(cells)} cells"
-        problem = f"line {self.line} has {count}, {whose} has {self.width}"
+        problem = f"line {self.line} has {count}, {whose} has {width}"
         numbered = any(map(self._is_number, cells))
         if not self.ended:
             hint = "; it has no line end: with file.tail: drop it is left out"
@@ -125,6 +136,19 @@ class TextRows:
         kind = (self.place, count, str(self.ended), str(numbered))
         self._refuse(kind, lambda: InputError(self.place, problem + hint))
         return None
+
+    @property
+    def fewest(self) -> float:
+        """The least number of cells of a row, infinite if it must be as many as the header's."""
+        if not (self.begun or self.report.rows):
+            return math.inf
+        return self.least if self.ended else self.width
+
+    def _split(self, row: str) -> list[str]:
+        try:
+            return self.dialect.cells(row)
+        except csv.Error:
+            return []
 
     def numbers(self, cells: list[str]) -> list[float] | None:
         """The numbers in the columns to read, nan where there are none, or None as in `cells`."""
@@ -178,7 +202,8 @@ class TextRows:
             or (blank and '"' in text)
         ):
             raise ValueError
-        if blank or file.comment or file.repeated_header == "skip" or not text.endswith("\n"):
+        some = file.comment or file.where or file.repeated_header == "skip"
+        if blank or some or not text.endswith("\n"):
             rows = filter(None, map(self.row, io.StringIO(text, newline="\n")))
             text = "".join("\t".join(dialect.cells(row)) + "\n" if blank else row for row in rows)
         first = next(filter(str.strip, io.StringIO(text, newline="\n")), "")
@@ -198,14 +223,16 @@ class TextRows:
         text = dialect.spelled(cells[0])
         if text is None:
             return math.nan
+        text = seconds_of(text) if clock.elapsed else text
         number = float(text)
         clock.begin(number, report)
         return clock.exact(text, report) if report.shift and math.isfinite(number) else number
 
     @property
     def exact(self) -> bool:
-        """True if times are read from texts: from dates, or from numbers with very many digits."""
-        return self.clock is not None and (self.clock.dates is not None or bool(self.report.shift))
+        """True if times are read from texts: dates, durations, or numbers with very many digits."""
+        clock = self.clock
+        return clock is not None and bool(clock.dates or clock.elapsed or self.report.shift)
 
     def _where(self, column: int) -> str:
         titles = self.titles[column : column + 1]
@@ -222,7 +249,9 @@ class TextRows:
     def _refusal(self, column: int, cells: list[str], error: ValueError) -> InputError:
         """The error of a cell that is no number."""
         cell = cells[self.places[column]]
-        problem = f"{self._where(column)} is {shown(cell)}, must be a number"
+        elapsed = column == 0 and self.clock is not None and self.clock.elapsed
+        wanted = "a duration, as 26:30:00 or 1d 02:30:00" if elapsed else "a number"
+        problem = f"{self._where(column)} is {shown(cell)}, must be {wanted}"
         if isinstance(error, InputError):
             problem = error.problem
         if not self.ended:
@@ -256,7 +285,8 @@ def _hint(cell: str, decimal: str) -> str:
     if _DATED.match(text):
         return '; of dates state columns.time.format, as "%d.%m.%Y %H:%M:%S"'
     if _HOUR.match(text):
-        return '; of times of day state columns.time.format, as "%H:%M:%S", and columns.time.day'
+        hint = '; of times of day state columns.time.format, as "%H:%M:%S", and columns.time.day'
+        return f"{hint}; of durations columns.time.unit is duration"
     keys = []
     if (match := _DECIMAL.fullmatch(text)) and match[1] != decimal:
         keys.append(f'columns.decimal: "{match[1]}"')

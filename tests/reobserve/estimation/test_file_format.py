@@ -215,7 +215,7 @@ REFUSED: list[tuple[str, dict[str, Any], dict[str, Any], str]] = [
     ("t,y,z\n" + PLAIN, {}, {}, "line 2 has 2 cells, the header has 3; if the header is wrong, file"
      ".skip: 1 leaves it out and file.names states the columns"),
     ("t,y\n" + PLAIN, {"names": ["t", "y"]}, {}, "if the line is a header, file.skip: 1 leaves it"),
-    ("t,y\n" + PLAIN, {"names": ["t", "y", "z"], "skip": 1}, {}, "has 2 cells, file.names has 3"),
+    ("t,y\n" + PLAIN, {"names": ["t", "z", "y"], "skip": 1}, {}, "has 2 cells, file.names has 3"),
     (PLAIN, {}, {}, "there are: 0.0, 1.0; if the record has no header, file.names states the"),
     ("by x\nt,y\n" + PLAIN, {}, {}, "; if the header is further down, file.skip leaves out the"),
     ("% the step\n#t y\n", {}, {"delimiter": "\t"}, "file.skip or file.comment leaves out lines"),

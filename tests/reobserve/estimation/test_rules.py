@@ -75,6 +75,13 @@ def test_angle_that_wraps_is_the_one_that_goes_on(tmp_path: Path) -> None:
     turned = (expected["heading"] + 180.0) % 360.0 - 180.0
     np.testing.assert_allclose(found["heading"], turned, atol=1e-9)
     np.testing.assert_allclose(found["rate"], expected["rate"], atol=1e-9)
+    # The period may be text of numbers and pi.
+    text = {"observer.periods": {"heading": "2*pi*180/pi", "compass": "360"}}
+    assert np.array_equal(estimated(tmp_path, text, compass)[1]["rate"], found["rate"])
+    made, _, _ = estimated(tmp_path, {}, compass)
+    assert "; of an angle that wraps, observer.periods states" in " ".join(made.report.warnings)
+    made, _, _ = estimated(tmp_path, {}, np.clip(there, 0.0, 400.0))
+    assert "that wraps" not in " ".join(made.report.warnings)
     # In radians, of a column in degrees.
     changes = wrap | {
         "observer.states": {"heading": "rad", "rate": "rad/s"},
@@ -218,6 +225,9 @@ def test_parameter_of_a_text_model_is_estimated(tmp_path: Path) -> None:
     ("changes", "message"),
     [
         ({"observer.periods": {"cmpass": 360}}, "observer.periods.cmpass: .*compass"),
+        ({"observer.periods": {"compass": "2*x"}}, "periods.compass: '2.x' must be a number, or t"),
+        ({"observer.periods": {"compass": "1/0"}}, "periods.compass: '1/0' must be a number, or t"),
+        ({"observer.periods": {"compass": "-pi"}}, "periods.compass: -3.14159 must be greater th"),
         ({"observer.outliers": "skip"}, "outliers: must be left out without a gate"),
         ({"observer.gate": -1}, "gate"),
         ({"columns.measurements.0.wrap": 0}, "wrap"),

@@ -42,7 +42,7 @@ class LinearSystem(System):
     Q: Array = field(default_factory=lambda: np.array(0.0))
     R: Array = field(default_factory=lambda: np.array(1.0))
     check: bool = True
-    periods: dict[str, float] = field(default_factory=dict)
+    periods: dict[str, float | str] = field(default_factory=dict)
     initial_state: list[float] | None = None
 
     def __post_init__(self) -> None:

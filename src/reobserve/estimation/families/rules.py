@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.core.errors import InputError, nearest
+from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.matrices import as_positive
 from reobserve.estimation.families.signals import NamedSignal, variances
+from reobserve.polynomials.grammar import parse
 
 
 def periods(system: Any) -> dict[str, Any]:
@@ -16,21 +17,26 @@ def periods(system: Any) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If a name is that of no state and no measurement, or a period is not above zero.
+        If a name is that of no state and no measurement, or a period is no number above zero.
     """
     states, outputs = list(system.states), list(system.measurements)
-    known = dict.fromkeys([*states, *outputs])
+    known, numbers = dict.fromkeys([*states, *outputs]), dict[str, float]()
     for name, value in system.periods.items():
         if name not in known:
             raise InputError(
                 f"periods.{name}", f"is no state and no measurement{nearest(name, known)}"
             )
-        as_positive(f"periods.{name}", value)
+        key, number = f"periods.{name}", value
+        if isinstance(value, str):  # as 2*pi
+            number = parse(key, value, {})
+            if not number.is_real:
+                raise InputError(key, f"{shown(value)} must be a number, or text of numbers and pi")
+        numbers[name] = as_positive(key, float(number))
     if not system.periods:
         return {}
     return {
-        "state_periods": [system.periods.get(name) for name in states],
-        "output_periods": [system.periods.get(name) for name in outputs],
+        "state_periods": [numbers.get(name) for name in states],
+        "output_periods": [numbers.get(name) for name in outputs],
     }
 
 

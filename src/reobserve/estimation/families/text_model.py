@@ -104,7 +104,7 @@ class TextSystem(System):
     initial_state: list[float] | None = None
     initial_covariance: Array
     parameter_states: dict[str, ParameterState] = field(default_factory=dict)
-    periods: dict[str, float] = field(default_factory=dict)
+    periods: dict[str, float | str] = field(default_factory=dict)
     gate: float | None = None
     outliers: Literal["skip", "inflate"] | None = None
     noise_memory: float | None = None
