@@ -147,14 +147,16 @@ class Refusals:
 
     def forget(self, time: float) -> None:
         """Drop the rows up to a time, but the last one."""
-        first = max(int(np.searchsorted(self.time, time)) - 1, 0)
+        if not self.noting:
+            return
+        first = max(int(self.time.searchsorted(time)) - 1, 0)
         self.time, self.rows = self.time[first:].copy(), self.rows[first:].copy()
         if len(self.left_out) and len(self.rows):
             self.left_out = self.left_out[np.searchsorted(self.left_out, self.rows[0]) :]
 
     def at(self, time: float) -> tuple[list[float], str]:
         """The row of a time, or the one after, and which of the two."""
-        k = int(np.searchsorted(self.time, time))
+        k = int(self.time.searchsorted(time))
         return self.rows[k : k + 1].tolist(), "" if time in self.time[k : k + 1] else _BEFORE
 
     def excuses(self, time: float, even: bool) -> bool:
@@ -164,13 +166,13 @@ class Refusals:
         """
         if not len(self.left_out):
             return False
-        k = int(np.searchsorted(self.time, time))
+        k = int(self.time.searchsorted(time))
         low, high = self.rows[k - 1] if k else 0.0, self.rows[k] if k < len(self.rows) else np.inf
         if time in self.time[k : k + 1]:
             low = high
         elif even:
             low, high = low + 0.25, high - 0.25
-        k = int(np.searchsorted(self.left_out, low))
+        k = int(self.left_out.searchsorted(low))
         return bool(k < len(self.left_out) and self.left_out[k] <= high)
 
     def between_rows(self, steps: Array, rows: Array) -> Array:
