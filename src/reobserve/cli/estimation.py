@@ -21,7 +21,7 @@ Timestamps may be numbers (unit: s, ms, min, ...) or dates such as 2026-03-29T01
 
 a record that nobody has seen yet:
 
-  reobserve estimate --suggest log.csv                 its columns, and keys that may read it
+  reobserve estimate --suggest log.csv                 a specification for it, and what is unsure
   reobserve estimate --check spec.yaml log.csv         run, write nothing; list all that refuses it
 """
 
@@ -56,7 +56,7 @@ def estimate(command: argparse.ArgumentParser) -> None:
         "--suggest",
         type=Path,
         metavar="DATA",
-        help="print the columns of a record, and keys that may read it, to look at and paste",
+        help="print a specification for a record, without its observer, and what is unsure of it",
     )
     command.add_argument(
         "--stream", action="store_true",

@@ -103,7 +103,7 @@ def print_check(specification: Path, data: Path | None, out: Path | None = None)
 
 
 def print_suggestion(data: Path, specification: Path | None = None) -> None:
-    """Print the columns of a record, and keys that may read it."""
+    """Print a specification for a record."""
     if specification is not None:
         problem = "takes one record and no specification; --check SPEC DATA reads both"
         raise InputError("--suggest", problem)

@@ -329,7 +329,7 @@ class Specification:
     def __post_init__(self) -> None:
         if not isinstance(self.observer, Mapping):
             raise InputError(
-                "observer", f"{shown(self.observer)} must be a mapping of keys to values"
+                "observer", f"{shown(self.observer)} must be a model, as --example kalman has one"
             )
         with located("observer"):
             object.__setattr__(self, "observer", as_observer(self.observer, self.sampling.period))

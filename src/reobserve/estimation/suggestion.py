@@ -1,4 +1,4 @@
-"""A guess at the layout of a text, for a user to look at and to paste into a specification.
+"""A specification for a record that nobody has seen yet, without the model, and its doubts.
 
 Rows are the lines with the number of cells that most numbers, dates and times stand in; that
 delimiter is taken by which they fill the lines best. The header is the nearest line above the first
@@ -11,18 +11,23 @@ import codecs
 import csv
 import re
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from reobserve.core.documents import dumped
 from reobserve.core.errors import InputError
 from reobserve.core.units import readings
-from reobserve.estimation.dialect import SIGNS, Dialect, bare
-from reobserve.estimation.file_format import NOTHING
+from reobserve.core.validation import parse
+from reobserve.estimation.dialect import SIGNS, Dialect, bare, read_head
+from reobserve.estimation.file_format import NOTHING, FileFormat
+from reobserve.estimation.layout import split_title
 from reobserve.estimation.record_file import File
-from reobserve.estimation.suggested_time import DATE, DAY, HOUR, find_time
+from reobserve.estimation.suggested_sampling import sampling
+from reobserve.estimation.suggested_time import DATE, DAY, HOUR, Number, Unsure, find_time
 
 _LOOKED_AT = 2**18  # bytes
 _ROWS = 1000  # of a Parquet file
@@ -38,35 +43,72 @@ _GROUPED = {
 _MOST_TEXTS = 5  # of a column, that stand for missing values
 
 
+_UNKNOWN = "?"  # in the place of what only the user knows, which each key refuses
+# A model for one measurement, as long as there is no other.
+_EXAMPLE: dict[str, Any] = {
+    "kind": "kalman", "time": "discrete", "A": [[1.0]], "C": [[1.0]], "Q": 0.01, "R": 1.0,
+    "initial_state": [0.0], "initial_covariance": 1.0e6,
+}  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Suggestion:
-    """Keys of `columns` and `file` that read a text, and what is in doubt about them."""
+    """Sections of a specification that read a record, and sentences on keys that are in doubt."""
 
     columns: dict[str, Any] = field(default_factory=dict)
     file: dict[str, Any] = field(default_factory=dict)
     titles: list[str] = field(default_factory=list)
     first: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    measured: list[dict[str, str]] = field(default_factory=list)
+    sampling: dict[str, Any] = field(default_factory=dict)
+    unsure: dict[str, str] = field(default_factory=dict)
 
     def text(self, place: str) -> str:
-        """YAML to paste, below comments on what is there."""
+        """The specification, below comments on what is there and what is in doubt."""
         pairs = zip(self.titles, [*self.first, *[""] * len(self.titles)], strict=False)
         listed = [f"#   {title or '(no title)'}: {cell or '(empty)'}" for title, cell in pairs]
         lines = [f"# columns of {place}, and their first cells:", *listed]
-        lines += [f"# {note}" for note in self.notes]
-        for key, keys in (("columns", self.columns), ("file", self.file)):
-            if keys:
-                lines.append(dumped({key: keys}))
-        if not (self.columns or self.file):
-            lines.append("# no keys are needed to read it")
-        return "\n".join(lines)
+        lines += [f"# unsure: {key}: {said}" for key, said in self.unsure.items()]
+        lines += ["# fill in the observer; this one takes one measurement for a random walk:"]
+        lines += ["# " + dumped({"observer": _EXAMPLE}), f"observer: '{_UNKNOWN}'", "columns:"]
+        lines += [f"  {dumped({'': {key: part}})[3:-1]}" for key, part in self.columns.items()]
+        lines += ["  measurements:  # others may be taken in, also as inputs"]
+        entries = [dumped({"": entry})[2:] for entry in self.measured]
+        lines += [f"    {'# ' * (k > 0)}- {entry}" for k, entry in enumerate(entries)]
+        sections = {"sampling": self.sampling, "file": self.file}
+        return "\n".join([*lines, dumped({key: part for key, part in sections.items() if part})])
 
 
 def suggest(path: Path) -> Suggestion:
-    """The layout of a text, as far as its first rows show it."""
-    file = File(path)
-    if file.columnar:
-        return _of_parquet(file)
+    """The specification for a record, as far as its first rows and all its timestamps show it."""
+    file, unsure = File(path), Unsure()
+    found = _of_parquet(file, unsure) if file.columnar else _of_text(file, unsure)
+    time, columns = found.columns.pop("time", {}), found.columns
+    measured = [entry for entry in found.measured if entry["column"] not in _names(time)]
+    if not measured:
+        unsure.of("columns.measurements", "no column has numbers, but those of times")
+        measured = [{"column": _UNKNOWN}]
+    read = {**columns, "time": time, "measurements": measured[:1]}
+    policies = sampling(path, {"observer": _EXAMPLE, "columns": read, "file": found.file}, unsure)
+    if wrap := policies.pop("wrap", None):
+        time["wrap"] = wrap
+    if "sampling.period" in unsure.asked:
+        policies["period"] = _UNKNOWN
+    for key in unsure.asked - {"sampling.period"}:
+        time[key.removeprefix("columns.time.")] = _UNKNOWN
+    columns = {**({"time": time} if time else {}), **columns}
+    return Suggestion(
+        columns, found.file, found.titles, found.first, measured, policies, unsure.sentences
+    )
+
+
+def _names(time: dict[str, Any]) -> list[str]:
+    """The names of columns of times."""
+    column = time.get("column", [])
+    return [column] if isinstance(column, str) else column
+
+
+def _of_text(file: File, unsure: Unsure) -> Suggestion:
     with file.located(), file.opened() as stream:
         raw = stream.read(_LOOKED_AT)
         whole = not stream.read(1)
@@ -77,18 +119,44 @@ def suggest(path: Path) -> Suggestion:
     grids = [_Grid(lines, delimiter) for delimiter in _DELIMITERS]
     best = max(grids, key=lambda grid: grid.score)
     if not best.score:
-        raise InputError(str(path), "has no lines that look like rows of numbers")
-    return best.suggestion(encoding, ended or not whole)
+        raise InputError(str(file.path), "has no lines that look like rows of numbers")
+    return best.suggestion(encoding, ended or not whole, unsure)
 
 
-def _of_parquet(file: File) -> Suggestion:
+def _of_parquet(file: File, unsure: Unsure) -> Suggestion:
     """The columns of a Parquet file, with the times among them."""
     rows = file.first_rows(_ROWS)
     texts = [["" if cell is None else str(cell) for cell in column] for column in rows.values()]
-    notes = list[str]()
-    time = find_time(list(rows), texts, _float, notes)
+    time = find_time(list(rows), texts, _float, unsure)
     first = [column[0] if column else "" for column in texts]
-    return Suggestion({"time": time} if time else {}, {}, list(rows), first, notes)
+    measured = _measured(list(rows), [""] * len(rows), texts, _float, unsure)
+    return Suggestion({"time": time} if time else {}, {}, list(rows), first, measured)
+
+
+def _measured(
+    names: list[str], units: list[str], columns: Sequence[Sequence[str]], number: Number,
+    unsure: Unsure,
+) -> list[dict[str, str]]:  # fmt: skip
+    """Columns of numbers with their units, those that have most of them, and vary, first."""
+    found = list[tuple[tuple[Any, ...], dict[str, str]]]()
+    for k, (name, cells) in enumerate(zip(names, columns, strict=False)):
+        some = list(filter(None, cells))
+        numbers = [value for value in map(number, some) if value is not None]
+        if len(numbers) <= 0.5 * len(some):
+            continue
+        said, entry = units[k] or split_title(name)[1], {"column": name}
+        if "/" in name and readings(name):
+            entry["unit"] = name
+            unsure.of(f"the unit of {name!r}", "the title may be a unit, or end in one")
+        elif said:
+            entry["unit"] = said if readings(said) else "1"
+        if entry.get("unit", said) != said:
+            unsure.of(f"the unit of {name!r}", f"{said!r} is no unit that is known")
+        steps = [b - a for a, b in pairwise(numbers)] or [0.0]
+        even = max(steps) - min(steps) <= 1e-3 * abs(steps[0])  # as of counters and constants
+        odd = (len(some) - len(numbers), len(cells) - len(some), even, k)
+        found.append((odd, entry))
+    return [entry for _, entry in sorted(found, key=lambda pair: pair[0])]
 
 
 def _float(cell: str) -> float | None:
@@ -122,6 +190,18 @@ def kind_of_line(cells: list[str]) -> str:
     return "units" if bare and known >= 0.5 * len(bare) else "skip"
 
 
+def _lacks(titles: list[str]) -> int:
+    """The number of titles that are empty, or occur before."""
+    return titles.count("") + len(titles) - len(set(titles))
+
+
+def _are_units(upper: list[str], lower: list[str]) -> bool:
+    """True if the upper one of two lines has units, and the lower one titles, as T and m may be."""
+    signs = [any(re.search(r"[^\w\s\[\]().]", cell) for cell in line) for line in (upper, lower)]
+    kinds = [kind_of_line(upper), kind_of_line(lower)]
+    return kinds == ["units", "skip"] or (kinds[0] == "units" and signs == [True, False])
+
+
 class _Grid:
     """Lines in cells between delimiters, of which most have ``width``."""
 
@@ -141,6 +221,7 @@ class _Grid:
         body = {k: r for k, r in plain.items() if len(r) == self.width and self._is_row(r)}
         self.typical, self.texts = self._columns(list(body.values()))
         self.start = next((k for k, row in body.items() if self._is_like(row)), -1)
+        self.units, self.doubt = [""] * self.width, ""  # in a line above the titles
         self.score, self.head = 0.0, (dict[str, Any](), list[str]())
         if self.start >= 0:
             self._begin()
@@ -149,7 +230,7 @@ class _Grid:
             fit = sum(len(row) == self.width for row in below) / len(below)
             read = sum(map(self._is_value, cells)) / max(len(cells), 1)
             self.score = fit * read**2 * (1.0 if self.width > 1 else 0.5)
-            self.score *= 1.0 if "".join(self.head[1]).isdigit() else 1.3
+            self.score *= 1.0 if any(map(str.isdigit, self.head[1])) else 1.3
             self.score *= 0.9 if delimiter == "whitespace" else 1.0
 
     def _begin(self) -> None:
@@ -221,7 +302,7 @@ class _Grid:
             if len(row) == self.width and row != self.head[1] and not sign_of(self.lines[k])
         ]  # fmt: skip
 
-    def suggestion(self, encoding: str, ended: bool) -> Suggestion:
+    def suggestion(self, encoding: str, ended: bool, unsure: Unsure) -> Suggestion:
         """The keys of a specification."""
         columns: dict[str, Any] = {"decimal": self.decimal, "thousands": self.thousands}
         if self.width > 1:
@@ -230,40 +311,47 @@ class _Grid:
         usual = vars(Dialect())
         columns = {key: value for key, value in columns.items() if value != usual[key]}
         file, titles = self.head
-        notes: list[str] = []
-        self._odd_lines(file, titles, ended, notes)
-        body = list(zip(*self._body, strict=True))
-        doubtful = [title[:1] in "\0" or titles.count(title) > 1 for title in titles]
-        unlike = [f"\0{k}" if doubtful[k] else title for k, title in enumerate(titles)]
-        time = find_time(unlike, body, self._number, notes)
-        timed = [time["column"]] if isinstance(time.get("column"), str) else time.get("column", [])
-        if any(name.startswith("\0") for name in timed):
-            file, titles, time = self._with_time_names(file, titles, time, timed)
-            notes.append(
-                "time has no title, or one that occurs twice; file.names states all titles"
-            )
-        notes = [re.sub(r"'\\x00(\d+)'", lambda k: f"column {int(k[1]) + 1}", n) for n in notes]
+        self._odd_lines(file, titles, ended, unsure)
+        if self.doubt:
+            unsure.of("file.below_header", self.doubt)
         if missing := self._missing():
             file["missing_values"] = missing
-        if time:
-            columns = {"time": time, **columns}
-        return Suggestion(columns, file, titles, self.rows[self.start], notes)
+        body = list(zip(*self._body, strict=True))
+        self._check_marks([cell for column in body for cell in column], unsure)
+        names = [title if title and titles.count(title) == 1 else f"column {k + 1}"
+                 for k, title in enumerate(titles)]  # fmt: skip
+        pairs = zip(self._full(file, titles), names, titles, strict=True)
+        full = [whole if name == title else name for whole, name, title in pairs]
+        units = [unit or (split_title(whole)[1] if whole != name else "")
+                 for unit, whole, name in zip(self.units, full, names, strict=False)]  # fmt: skip
+        if time := find_time(full, body, self._number, unsure, self.units):
+            timed = [names[full.index(name)] for name in _names(time)]
+            columns = {"time": {**time, "column": timed if timed[1:] else timed[0]}, **columns}
+            if any(name not in titles for name in timed):
+                titles, above = names, {"skip": self.start} if self.start else {}
+                dropped = ("header", "below_header", "skip")
+                file = {k: v for k, v in file.items() if k not in dropped}
+                file = {**file, **above, "names": [*names, *[""] * (self.width - len(names))]}
+        measured = _measured(names, units, body, self._number, unsure)
+        measured = [entry for entry in measured if entry["column"] in titles]
+        return Suggestion(columns, file, titles, self.rows[self.start], measured)
 
-    def _with_time_names(
-        self, file: dict[str, Any], titles: list[str], time: dict[str, Any], timed: list[str]
-    ) -> tuple[dict[str, Any], list[str], dict[str, Any]]:
-        """The same with a name for each column of the time."""
-        names = [*titles, *[""] * (self.width - len(titles))]
-        for k, old in enumerate(timed):
-            if old.startswith("\0"):
-                names[int(old[1:])] = "time" if len(timed) == 1 else f"time {k + 1}"
-        new = ["time" if len(timed) == 1 else f"time {k + 1}" if old.startswith("\0") else old
-               for k, old in enumerate(timed)]  # fmt: skip
-        keys = {k: v for k, v in file.items() if k not in ("header", "below_header")}
-        keys = {**keys, "skip": self.start, "names": names}
-        if not self.start:
-            del keys["skip"]
-        return keys, names, {**time, "column": new[0] if len(new) == 1 else new}
+    def _full(self, file: dict[str, Any], titles: list[str]) -> list[str]:
+        """Titles with the units that are read from the lines below them."""
+        if "units" in file.get("below_header", []):
+            dialect = replace(self.dialect, file=parse(FileFormat, file))
+            with suppress(InputError):
+                full = read_head((f"{line}\n" for line in self.lines), dialect, "").titles
+                return [*map(bare, full), *titles[len(full) :]][: len(titles)]
+        return titles
+
+    def _check_marks(self, cells: Sequence[str], unsure: Unsure) -> None:
+        """Say so where all marks in numbers may be those of thousands."""
+        marked = [cell for cell in cells if self.decimal in cell and self._is_number(cell)]
+        form = re.compile(rf"[+-]?[1-9]\d{{0,2}}\{self.decimal}\d{{3}}")
+        if marked and all(map(form.fullmatch, marked)) and not self.thousands:
+            problem = f"{marked[0]} may have a mark of thousands, too"
+            unsure.of("columns.decimal", problem)
 
     def _sign(self, lines: list[str]) -> str:
         """The sign with which all lines begin, or nothing."""
@@ -289,19 +377,20 @@ class _Grid:
         if above and re.fullmatch(r"sep=[,;\t|]", next(iter(above.values()))):
             del above[next(iter(above))]
         fitting = [k for k in reversed(above) if self._fits(self._bare(above[k]), odd)]
+        full = [k for k in fitting if _lacks(self._bare(above[k])) < 2]
+        fitting = full or fitting  # without a line of Smp, say, below titles and units
         nearest = self._bare(above[max(above)]) if above else []
         if sum(map(bool, nearest)) > self.width and not any(map(self._is_value, nearest)):
             fitting = []  # titles of more columns than rows have
-        if len(fitting) > 1 and kind_of_line(self._bare(above[fitting[0]])) == "units":
-            both = fitting[:2]  # of which the lower one has the units
-            if self._sign([above[both[1]]]) or not self._sign([above[both[0]]]):
-                fitting = [both[1], *fitting]
+        if len(fitting) > 1 and self._states_units(*(above[k] for k in fitting[1::-1])):
+            fitting = fitting[1:]
         for k in fitting:
             below = [j for j in above if j > k]
             sign = self._sign([above[k]])
             if sign and not below:
                 return self._commented(above, k, sign), self._bare(above[k])
-            if sign and kind_of_line(self._bare(above[below[-1]])) != "units":
+            units = self._bare(above[below[-1]]) if below else []
+            if sign and (len(units) != self.width or kind_of_line(units) != "units"):
                 break
             file: dict[str, Any] = {}
             if below:
@@ -313,12 +402,29 @@ class _Grid:
                     for n, (j, kind) in enumerate(zip(below, file["below_header"], strict=True))
                 ]
             before = [line for j, line in above.items() if j < k]
+            if before and not below:
+                units = self._bare(before[-1])
+                if len(units) == self.width and _are_units(units, self._bare(above[k])):
+                    self.units = [unit if readings(unit) else "" for unit in units]
             if (mark := self._sign(before)) and not sign:
                 file["comment"] = mark
             elif before:
                 file["skip"] = k
             return file, [self.rows[k][0], *self.rows[k][1:]] if not sign else self._bare(above[k])
         return self._unnamed(above)
+
+    def _states_units(self, upper: str, lower: str) -> bool:
+        """True if the lower one of two lines that fit seems to have the units of the other."""
+        titles, units = self._bare(upper), self._bare(lower)
+        alike = bool(self._sign([upper])) == bool(self._sign([lower]))
+        known = all(unit == "-" or readings(unit) for unit in filter(None, units))
+        if kind_of_line(units) != "units" or _are_units(titles, units):
+            return False
+        if not alike and (self._sign([lower]) or not known):
+            return False
+        if not (alike and known):
+            self.doubt = f"{lower!r} may have titles, or units of those above it"
+        return True
 
     def _bare(self, line: str) -> list[str]:
         """The cells of a line without the sign of a comment."""
@@ -350,12 +456,12 @@ class _Grid:
         return {**file, "names": names}, names
 
     def _odd_lines(
-        self, file: dict[str, Any], titles: list[str], ended: bool, notes: list[str]
+        self, file: dict[str, Any], titles: list[str], ended: bool, unsure: Unsure
     ) -> None:
         """Lines among the rows that are none."""
         last, odd = max(self.rows), list[int]()
         if not ended:
-            notes.append("the last line has no line end; file.tail: drop would leave it out")
+            unsure.of("file.tail", "the last line has no line end; drop leaves it out")
         for k, cells in self.rows.items():
             if k < self.start or (self._is_row(cells) and len(cells) == self.width):
                 continue
@@ -368,16 +474,12 @@ class _Grid:
             elif len(cells) != self.width:
                 odd.append(k)
         if odd:
-            notes.append(
-                f"{len(odd)} lines have another number of cells than rows, {self.width}; "
-                f"the first one is line {odd[0] + 1}"
-            )
+            problem = f"{len(odd)} lines have another number of cells than rows, {self.width}"
+            unsure.of("file.comment", f"{problem}; the first one is line {odd[0] + 1}")
         before = [k for k, row in self.rows.items() if k < self.start and self._is_row(row)]
         if len(before) > 10:
-            notes.append(
-                f"{len(before)} lines above line {self.start + 1} look like rows, too, but have "
-                "another number of cells"
-            )
+            problem = f"{len(before)} lines above line {self.start + 1} look like rows, too"
+            unsure.of("file.skip", problem)
 
     def _missing(self) -> list[str]:
         """Texts that stand where other rows have values."""

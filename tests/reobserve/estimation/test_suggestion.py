@@ -42,16 +42,19 @@ DAY_FIRST = "29.02.2024 10:{m:02d}:{s:02d}"
 AMBIGUOUS = "03/04/2024 10:{m:02d}:{s:02d}"
 LVM = "X_Dim\tTime\tTime\t\nX0\t0.0\t0.0\t\n***End***\t\t\t\nX_Value\tVoltage\tCurrent\tComment\n"
 ISO_KEYS = {"time": {"column": "t", "unit": "iso8601"}}
+ASKED = {"time": {"column": "t", "unit": "?"}}
+SECONDS = {"time": {"column": "t", "unit": "s"}}
 
 LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
-    "plain": ("t,y\n" + rows("{k}", "{v:.2f}"), {"time": {"column": "t"}}, {}),
+    "plain": ("t,y\n" + rows("{k}", "{v:.2f}"), ASKED, {}),
+    "plain seconds": ("t,y\n" + rows("{k}.5", "{v:.2f}"), SECONDS, {}),
     "dates": ("t,y\n" + rows(ISO, "{v:.2f}"), ISO_KEYS, {}),
     "preamble": (
         "Logger 7\nSite: hall\n\nt,y\n" + rows(ISO, "{v:.2f}"), ISO_KEYS, {"skip": 3},
     ),
     "rows of fewer cells than the header": (
         LVM + rows("0.{k:02d}", "{v:.2f}", "0.5", delimiter="\t"),
-        {"time": {"column": "X_Value"}, "delimiter": "\t"},
+        {"time": {"column": "X_Value", "unit": "s"}, "delimiter": "\t"},
         {"skip": 4, "names": ["X_Value", "Voltage", "Current"]},
     ),
     "a preamble with numbers": (
@@ -61,8 +64,7 @@ LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "comments": ("# a\n# b\nt,y\n" + rows(ISO, "{v:.2f}"), ISO_KEYS, {"comment": "#"}),
     "a commented header": (
         "# a\n# t y\n" + rows("{k}", "{v:.2f}", delimiter=" "),
-        {"time": {"column": "t"}, "delimiter": "whitespace"},
-        {"comment": "#", "header": "commented"},
+        {**ASKED, "delimiter": "whitespace"}, {"comment": "#", "header": "commented"},
     ),
     "units": ("t,y\ns,degC\n" + rows("{k}", "{v:.2f}"), {"time": {"column": "t"}},
               {"below_header": ["units"]}),
@@ -115,16 +117,15 @@ LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     ),
     "no header": (
         rows("{k}", "{v:.2f}", "{v:.1f}", delimiter="\t"),
-        {"time": {"column": "1"}, "delimiter": "\t"},
+        {"time": {"column": "1", "unit": "?"}, "delimiter": "\t"},
         {"names": ["1", "2", "3"]},
     ),
     "a time without a title": (
-        ",y\n" + rows(ISO, "{v:.2f}"), {"time": {"column": "time", "unit": "iso8601"}},
-        {"skip": 1, "names": ["time", "y"]},
+        ",y\n" + rows(ISO, "{v:.2f}"), {"time": {"column": "column 1", "unit": "iso8601"}},
+        {"skip": 1, "names": ["column 1", "y"]},
     ),
     "a header of numbers": (
-        "YY,t,.03,.04,.05,.06\n" + rows("a{k}", "{k}", *["{v:.2f}"] * 4),
-        {"time": {"column": "t"}}, {},
+        "YY,t,.03,.04,.05,.06\n" + rows("a{k}", "{k}", *["{v:.2f}"] * 4), ASKED, {},
     ),
     "codes": (
         "t,y,z\n" + rows(ISO, "{v:.2f}", "{v:.2f}").replace("1.30,1.30", "OL,1.30"), ISO_KEYS,
@@ -164,8 +165,8 @@ def test_gzip_is_unpacked(tmp_path: Path) -> None:
 
 def test_doubts_are_noted(tmp_path: Path) -> None:
     found = suggested(tmp_path, "t,y\n" + rows(AMBIGUOUS, "{v:.2f}"))
-    assert found.columns["time"]["format"] == "%d/%m/%Y %H:%M:%S"
-    assert "may also be of %m/%d/%Y %H:%M:%S" in found.text("r")
+    assert found.columns["time"]["format"] == "?"
+    assert "03/04/2024 10:00:00 may be of %d/%m/%Y %H:%M:%S or %m/%d/%Y %H:%M:%S" in found.text("r")
     mixed = rows("07/26/2024 10:{m:02d}:{s:02d}", "{v:.2f}") + "07/26/24 10:01 PM,1.0\n"
     found = suggested(tmp_path, "t,y\n" + mixed)
     assert found.columns["time"]["format"] == "%m/%d/%Y %H:%M:%S"
@@ -183,8 +184,8 @@ def test_doubts_are_noted(tmp_path: Path) -> None:
 def test_times_of_day_are_times_and_quantities_are_not(tmp_path: Path) -> None:
     text = rows("23:59:{s:02d}", "{k}", delimiter=";")
     found = suggested(tmp_path, "time;Druck [bar]\n" + text)
-    assert found.columns["time"] == {"column": "time", "format": "%H:%M:%S"}
-    assert "columns.time.day states the first day" in found.text("r")
+    assert found.columns["time"] == {"column": "time", "format": "%H:%M:%S", "day": "?"}
+    assert "unsure: columns.time.day: 'time' has no day, that of the first row" in found.text("r")
     found = suggested(tmp_path, "a,Druck [bar]\n" + rows("{v:.2f}", "{k}"))
     assert "time" not in found.columns
 
