@@ -3,6 +3,7 @@
 from reobserve.core.errors import DivergenceError as DivergenceError
 from reobserve.core.errors import InputError as InputError
 from reobserve.detection.false_alarms import false_alarm_threshold as false_alarm_threshold
+from reobserve.estimation.estimates import estimate as estimate
 from reobserve.estimation.families.loading import load_design as load_design
 from reobserve.observers.adaptive import AdaptiveObserver as AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter as AugmentedKalmanFilter

@@ -220,6 +220,7 @@ class DataReport:
     estimates: int = 0
     alarms: dict[str, AlarmReport] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    innovations: dict[str, Any] = field(default_factory=dict)  # statistics, by consistency.py
     origin: int | None = None
     left_out: dict[str, int] = field(default_factory=dict)
     latest: int | None = None

@@ -22,20 +22,24 @@ Consistency: a filter predicts how far its innovations spread. Where they spread
 half, in the root mean square, more than five times as far, the record contradicts the model. Where
 an observer predicts no spread, its residual is compared with the spread of what is measured about
 its mean: it contradicts the model if it is more than half of that, more than five times the noise,
-and does not die away (more than a hundredth of its maximum is left).
+and does not die away (more than a hundredth of its maximum is left). Smaller misfits of a filter
+are found by `reobserve.estimation.consistency`, over all of the rows.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import ReobserveError
+from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.units import angles, readings
+from reobserve.estimation.consistency import Statistic, statistics
 from reobserve.estimation.gaps import Stretch, joined
 from reobserve.estimation.output_columns import RESIDUAL
 from reobserve.estimation.quantities import conversion
@@ -59,6 +63,7 @@ _FOLLOWS = 1e-4  # of the spread of an estimate
 _FAULTS = ("unknown_input", "fault", "fault_rate", "actuator_fault", "sensor_fault")
 _LEVELS = ("state", "derivatives")  # estimates that may have the zero of a measurement
 _SEED = 20
+_SAID = {"autocorrelation": "lag-1 autocorrelation", "mean": "mean in standard deviations"}
 
 
 @dataclass
@@ -206,7 +211,35 @@ def _contradicted(estimation: Estimation, y: Array, run: Any, where: str) -> lis
                 "from early on" + wraps * "; of an angle that wraps, observer.periods states the "
                 "period, or wrap of its column"
             )
-    return sentences
+    misfit = _misfit(estimation, run.estimates, names, where)
+    return sentences or misfit
+
+
+def _misfit(estimation: Estimation, estimates: Any, names: Sequence[str], where: str) -> list[str]:
+    """Report the statistics of a filter's innovations: a sentence if they are not of its model."""
+    design: Any = estimation.design
+    white = getattr(design.observer, "has_kalman_gain", True)
+    if design.residual_variance(estimates) is None or not white:
+        return []
+    said, found = list[str](), estimation.report.innovations
+    every: list[Statistic] = []
+    with suppress(InputError):  # of covariances that are none, by rounding
+        every += list(statistics(estimates["innovation"], estimates["innovation_covariance"]))
+    for one in every:
+        name = names[one.place]
+        if one.name == "nis":
+            found["nis"], text = one.value, f"NIS {one.value:.3g} times as large as predicted"
+        else:
+            found.setdefault(one.name, {})[name] = one.value
+            text = f"{_SAID[one.name]} of {name} {one.value:.2g}"
+        if not one.fits:
+            said.append(f"{text} (bounds {one.lower:.2g} to {one.upper:.2g})")
+    if not said:
+        return []
+    return [
+        f"innovations: over {where} they do not fit the filter: {', '.join(said)}; a pole, Q, R, "
+        "a unit or an offset is wrong, or there is a fault"
+    ]
 
 
 def _turn(unit: str) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -108,6 +108,7 @@ class Estimation:
         self.state: Any = None
         self.waiting: list[Stretch] = []  # for a smoother, up to the next start
         self.first_rows: FirstRows | None = None
+        self.curves: Any = None  # of a plot, which takes each stretch with its results
         self.sample = self._sample(width, len(names) - width)
         self.outputs: Outputs = outputs(
             self.design, self.layout, self.sample, specification.estimates
@@ -184,7 +185,7 @@ class Estimation:
         rows = self.timestamps.finish()
         self.timestamps.check_period()
         parts = [self._estimate(self._settled(rows), False)] if len(rows[0]) else []
-        result = _concatenated([*parts, self._estimate(self.interpolation.finish(), True)])
+        result = concatenated([*parts, self._estimate(self.interpolation.finish(), True)])
         warn_of_start_up(self.report)
         return result
 
@@ -202,7 +203,7 @@ class Estimation:
         if self.whole is not None:
             stretches = self._from_start_to_start(stretches, final)
         parts = [self._run(stretch) for stretch in stretches]
-        return _concatenated(parts) if parts else self._none()
+        return concatenated(parts) if parts else self._none()
 
     def _from_start_to_start(self, stretches: list[Stretch], final: bool) -> list[Stretch]:
         """Stretches from one start of the observer to the next, as far as they are complete."""
@@ -231,7 +232,10 @@ class Estimation:
         self._warn_of_start(stretch.time, [doubt.message for doubt in doubts])
         if "outlier" in run:
             self.count_outliers(run["outlier"])
-        return self.reported(stretch.time, stretch.y, run.estimates, stretch.status)
+        results = self.reported(stretch.time, stretch.y, run.estimates, stretch.status)
+        if self.curves is not None:
+            self.curves.add(results, stretch, run.estimates)
+        return results
 
     def _warn_of_start(self, time: Array, doubts: list[Any]) -> None:
         """Report the first of the observer's warnings of a start that is too vague, at its time."""
@@ -281,7 +285,8 @@ class Estimation:
         return [time, *columns, *(f"alarm {a.name}" for a in self.alarms), "status"]
 
 
-def _concatenated(parts: list[Estimated]) -> Estimated:
+def concatenated(parts: Sequence[Estimated]) -> Estimated:
+    """Results one below the other."""
     if len(parts) == 1:
         return parts[0]
     return Estimated(*(np.concatenate(column) for column in zip(*parts, strict=True)))

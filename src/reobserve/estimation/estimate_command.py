@@ -137,16 +137,14 @@ def estimate_file(
         if written.count(path) > 1 or path == data.absolute():
             raise InputError(str(path), "is named twice; each file needs a name of its own")
     file = File(data, Dialect.of(specification), block)
-    refusals = Refusals(noting=True)
-    estimation = Estimation(specification, file.header(), str(data), refusals)
-    refusals.survey = partial(_over_all, estimation, file)
-    curves = None if plot is None else Plot(estimation)
+    estimation = Estimation(specification, file.header(), str(data), Refusals(noting=True))
+    curves = estimation.curves = None if plot is None else Plot(estimation)
 
     def about() -> dict[str, Any]:
         return as_json(estimation.report, {"record": data.name})
 
     with progress(f"{data.name}: {{:.0%}} read") as tell:
-        blocks = _blocks(estimation, file, refusals, curves, tell)
+        blocks = estimated(estimation, file, tell)
         if out is not None:
             write_results(out, estimation.titles, blocks, about, estimation.report, digits)
         deque(blocks, maxlen=0)
@@ -175,16 +173,16 @@ def _over_all(
     return InputError("sampling.period", problem), None
 
 
-def _blocks(
-    estimation: Estimation, file: File, refusals: Refusals, curves: Plot | None, tell: Tell
-) -> Iterator[Estimated]:
-    """The estimates of a record (raises all that refuses it, at its end)."""
-    first_rows = estimation.first_rows = FirstRows()
+def estimated(estimation: Estimation, file: File, tell: Tell | None = None) -> Iterator[Estimated]:
+    """The results of a record, some rows at a time, with diagnostics after the last.
+
+    Where refusals are noted, it raises all of them after the last row.
+    """
+    first_rows, refusals = FirstRows(), estimation.report.refusals
+    estimation.first_rows, refusals.survey = first_rows, partial(_over_all, estimation, file)
     try:
         for block in _estimated(estimation, file, tell):
             if not refusals.found:
-                if curves is not None:
-                    curves.add(block)
                 yield block
     except InputError as error:  # after which nothing can be read
         refusals.refuse(("",), error)
@@ -198,7 +196,7 @@ def _blocks(
         estimation.report.warn(sentence)
 
 
-def _estimated(estimation: Estimation, file: File, tell: Tell) -> Iterator[Estimated]:
+def _estimated(estimation: Estimation, file: File, tell: Tell | None) -> Iterator[Estimated]:
     layout, report = estimation.layout, estimation.report
     for raw in file.blocks(layout.titles, layout.clock, report, tell):
         yield estimation.feed(raw)

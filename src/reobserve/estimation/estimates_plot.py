@@ -1,4 +1,4 @@
-"""A plot of results: estimates with what they may be off, residuals, alarms, and gaps in grey.
+"""A plot of results: estimates over measurements, residuals, inputs, alarms, and gaps in grey.
 
 It remembers no more than some thousand points of a record, however long that is: of more it keeps
 the minimum and the maximum of as many rows as must share a point. matplotlib is imported when
@@ -7,6 +7,8 @@ the plot is drawn.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from reobserve.core.extras import package
 from reobserve.core.files import write_whole
 from reobserve.estimation.dates import time_zone
 from reobserve.estimation.estimate import Estimated, Estimation
+from reobserve.estimation.gaps import Stretch
 from reobserve.estimation.output_columns import RESIDUAL, Output
 
 Array = NDArray[np.float64]
@@ -27,6 +30,12 @@ _POINTS = 4000
 _MOST_LINES = 6  # in a panel
 _MOST_PANELS = 12
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#7f6000")
+_DASHES: tuple[Any, ...] = (
+    "-", (0, (5, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)), (0, (9, 2)), (0, (3, 1, 1, 1, 1, 1)),
+)  # fmt: skip
+_THRESHOLD, _MEASURED, _GAP = "0.35", "0.55", "0.88"
+_SIGMAS = 2.0  # of a band, to each side
+_INPUT = "input"
 _FORMATS = (".png", ".pdf", ".svg")
 
 
@@ -37,19 +46,50 @@ def check_plot(path: Path) -> None:
     package("matplotlib", "draw a plot")
 
 
+@contextmanager
+def _style() -> Iterator[None]:
+    """The style of plots, whatever a matplotlibrc says."""
+    style = {
+        "font.size": 9, "axes.spines.top": False, "axes.spines.right": False,
+        "axes.grid": True, "grid.color": "0.92", "axes.axisbelow": True, "svg.hashsalt": "0",
+        "legend.frameon": False, "pdf.fonttype": 42, "svg.fonttype": "none",
+    }  # fmt: skip
+    matplotlib = package("matplotlib", "draw a plot")
+    default = {key: value for key, value in matplotlib.rcParamsDefault.items() if key != "backend"}
+    with matplotlib.rc_context({**default, **style}):
+        yield
+
+
 class Plot:
     """Collects results, and draws them."""
 
     def __init__(self, estimation: Estimation) -> None:
         self.estimation = estimation
         self.share = 1  # rows to a point
-        width = len(estimation.outputs.columns) + len(estimation.alarms)
+        layout, columns = estimation.layout, estimation.outputs.columns
+        names, units = layout.names[layout.timed :], layout.units[layout.timed :]
+        # Places of what is kept: columns, alarms, measurements, their deviations, inputs.
+        self.alarmed = len(columns)
+        self.measured = self.alarmed + len(estimation.alarms)
+        self.predicted = self.measured + layout.measurements
+        self.given = self.predicted + layout.measurements
+        width = self.given + len(names) - layout.measurements
+        self.drawn = dict(enumerate(columns))
+        for k in range(layout.measurements, len(names)):
+            place = k - layout.measurements
+            self.drawn[self.given + place] = Output(names[k], units[k], _INPUT, place)
         self.time, self.least = np.empty(0), np.empty((0, width))
         self.greatest, self.rest = self.least, np.empty((0, 1 + width))
 
-    def add(self, block: Estimated) -> None:
-        """Take a block of results."""
-        rows = np.column_stack([block.time, block.numbers, block.alarms])
+    def add(self, block: Estimated, stretch: Stretch, estimates: Mapping[str, Array]) -> None:
+        """Take results, with the rows and the estimates that they are of."""
+        variance = self.estimation.design.residual_variance(estimates)
+        unknown = np.full(stretch.y.shape, np.nan)
+        rows = np.column_stack([
+            block.time, block.numbers, block.alarms, stretch.y,
+            unknown if variance is None else np.sqrt(variance),
+            stretch.u[:, np.isnan(self.estimation.inputs.values)],
+        ])  # fmt: skip
         self.rest = np.concatenate([self.rest, rows])
         self._reduce(len(self.rest) // self.share)
         while len(self.time) >= 4 * _POINTS:
@@ -75,21 +115,9 @@ class Plot:
         self.greatest = np.fmax(self.greatest[::2], self.greatest[1::2])
 
     def save(self, path: Path) -> None:
-        """Draw it."""
-        if len(self.rest):
-            self.share, share = len(self.rest), self.share
-            self._reduce(1)
-            self.share = share
-        style = {
-            "font.size": 9, "axes.spines.top": False, "axes.spines.right": False,
-            "axes.grid": True, "grid.color": "0.92", "axes.axisbelow": True, "svg.hashsalt": "0",
-            "legend.frameon": False, "pdf.fonttype": 42, "svg.fonttype": "none",
-        }  # fmt: skip
-        matplotlib = package("matplotlib", "draw a plot")
-        default = {key: value for key, value in matplotlib.rcParamsDefault.items()
-                   if key != "backend"}  # fmt: skip
-        with matplotlib.rc_context({**default, **style}):  # whatever a matplotlibrc says
-            figure = self._figure(package("matplotlib.figure", "draw a plot"))
+        """Draw it in a file."""
+        with _style():
+            figure = self.figure()
             metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(path.suffix)
             write_whole(
                 path,
@@ -98,14 +126,24 @@ class Plot:
                 ),
             )
 
+    def figure(self) -> Any:
+        """Draw it."""
+        if len(self.rest):
+            self.share, share = len(self.rest), self.share
+            self._reduce(1)
+            self.share = share
+        with _style():
+            return self._figure(package("matplotlib.figure", "draw a plot"))
+
     def _figure(self, matplotlib: Any) -> Any:
         panels = self._panels()
         signals = self.estimation.alarms
         heights = [1.0] * len(panels) + ([0.16 + 0.17 * len(signals)] if signals else [])
-        figure = matplotlib.Figure(figsize=(7.2, 0.7 + 1.55 * sum(heights)), layout="constrained")
+        figure = matplotlib.Figure(figsize=(7.2, 1.1 + 1.55 * sum(heights)), layout="constrained")
         axes = figure.subplots(
             len(heights), 1, sharex=True, squeeze=False, height_ratios=heights
         )[:, 0]  # fmt: skip
+        self.key: dict[str, Any] = {}  # of the legend of all panels
         for ax, columns in zip(axes, panels, strict=False):
             self._panel(ax, columns)
         if signals:
@@ -114,6 +152,11 @@ class Plot:
             self._grey(ax)
         self._time_axis(axes[-1])
         figure.align_ylabels()
+        name = Path(self.estimation.place).name
+        figure.suptitle(f"{name}, {type(self.estimation.observer).__name__}", fontsize=10)
+        if self.key:
+            figure.legend(self.key.values(), self.key, loc="outside lower center", ncols=4,
+                          fontsize=8, markerscale=2.5)  # fmt: skip
         return figure
 
     def _at(self, time: Any) -> Any:
@@ -138,24 +181,24 @@ class Plot:
     def _panels(self) -> list[list[int]]:
         """Columns that share a panel: components of one estimate in one unit."""
         groups: dict[tuple[str, str], list[int]] = {}
-        for c, column in enumerate(self.estimation.outputs.columns):
+        for c, column in self.drawn.items():
             if not column.deviation:
                 groups.setdefault((column.estimate, column.unit), []).append(c)
-        ordered = sorted(groups, key=lambda key: key[0] == RESIDUAL)
+        ordered = sorted(groups, key=lambda key: (key[0] == _INPUT, key[0] == RESIDUAL))
         return [groups[key][:_MOST_LINES] for key in ordered[:_MOST_PANELS]]
 
     def _panel(self, ax: Any, columns: list[int]) -> None:
-        every = self.estimation.outputs.columns
         for line, c in enumerate(columns):
-            colour = _COLOURS[line % len(_COLOURS)]
+            colour, dashes = _COLOURS[line % len(_COLOURS)], _DASHES[line % len(_DASHES)]
             time, low, high = self._broken(c)
-            thin = every[c].estimate == RESIDUAL
+            name = self.drawn[c].name if len(columns) > 1 else None
+            width = 0.8 if self.drawn[c].estimate == RESIDUAL else 1.4
             if self.share == 1:
-                ax.plot(time, low, color=colour, linewidth=0.8 if thin else 1.4,
-                        label=every[c].name)  # fmt: skip
+                ax.plot(time, low, color=colour, linewidth=width, linestyle=dashes, label=name)
             else:
-                ax.fill_between(time, low, high, color=colour, linewidth=0.6, label=every[c].name)
+                ax.fill_between(time, low, high, color=colour, linewidth=0.6, label=name)
             self._band(ax, c, colour)
+            self._measurements(ax, c)
         self._limit(ax, columns)
         for alarm in self.estimation.alarms:
             entry = self.estimation.report.alarms[alarm.name]
@@ -167,34 +210,76 @@ class Plot:
                     reached = np.nanmin(low) < entry.mean if lower else np.nanmax(high) > entry.mean
                     there = reached or entry.threshold is None
                     if there and 2 * bottom - top <= bound <= 2 * top - bottom:
-                        ax.axhline(bound, color="0.35", linestyle="--", linewidth=0.8)
+                        self.key["threshold of an alarm"] = ax.axhline(
+                            bound, color=_THRESHOLD, linestyle="--", linewidth=0.8
+                        )
                         ax.set_ylim(min(bottom, bound), max(top, bound))
-        first = every[columns[0]]
+        first = self.drawn[columns[0]]
         name = first.name if len(columns) == 1 else first.estimate.replace("_", " ")
         ax.set_ylabel(f"{name}\n[{first.unit}]" if first.unit else name)
         if len(columns) > 1:
             ax.legend(fontsize=8, ncols=len(columns), loc="lower right", bbox_to_anchor=(1, 0.97),
-                      borderpad=0, handlelength=1.4)  # fmt: skip
+                      borderpad=0, handlelength=2.2)  # fmt: skip
+
+    def _spread(self, c: int) -> int | None:
+        """The place of the standard deviation of a column, if the observer has one."""
+        column = self.drawn[c]
+        if column.estimate == _INPUT:
+            return None
+        if column.estimate != RESIDUAL:
+            return self.estimation.outputs.deviation_of(c)
+        place = self.predicted + column.place
+        return place if np.isfinite(self.greatest[:, place]).any() else None
+
+    def _measured(self, c: int) -> tuple[Array, Array, Array] | None:
+        """The measurement of an estimate, in its unit, if it is measured itself."""
+        column = self.drawn[c]
+        place = self.estimation.design.measured.get((column.estimate, column.place))
+        if place is None:
+            return None
+        time, low, high = self._broken(self.measured + place)
+        return time, column.conversion.of(low), column.conversion.of(high)
+
+    def _measurements(self, ax: Any, c: int) -> None:
+        """Draw the measurement of an estimate behind it."""
+        if (found := self._measured(c)) is None:
+            return
+        time, low, high = found
+        if self.share == 1:
+            (self.key["measured"],) = ax.plot(
+                time, low, ".", color=_MEASURED, markersize=2.0, zorder=1
+            )
+        else:
+            self.key["measured"] = ax.fill_between(
+                time, low, high, color=_MEASURED, linewidth=0.6, zorder=1
+            )
 
     def _band(self, ax: Any, c: int, colour: str) -> None:
-        """Two standard deviations to each side, where they are known."""
-        columns: tuple[Output, ...] = self.estimation.outputs.columns
-        if c + 1 < len(columns) and columns[c + 1].deviation:
+        """Draw the standard deviations to each side of an estimate, or of a residual of zero."""
+        if (place := self._spread(c)) is not None:
             time, low, high = self._broken(c)
-            _, _, sigma = self._broken(c + 1)
-            ax.fill_between(time, low - 2 * sigma, high + 2 * sigma, color=colour, alpha=0.2,
-                            linewidth=0)  # fmt: skip
+            _, _, sigma = self._broken(place)
+            if self.drawn[c].estimate == RESIDUAL:
+                low = high = np.zeros(len(time))
+            self.key[f"±{_SIGMAS:g} standard deviations of the observer"] = ax.fill_between(
+                time, low - _SIGMAS * sigma, high + _SIGMAS * sigma, color=colour, alpha=0.2,
+                linewidth=0,
+            )  # fmt: skip
 
     def _limit(self, ax: Any, columns: list[int]) -> None:
         """Let the axis follow the estimates and their usual bands, and not the first band."""
-        every, low, high = self.estimation.outputs.columns, np.inf, -np.inf
+        low, high = np.inf, -np.inf
         for c in columns:
-            band = 0.0
-            if c + 1 < len(every) and every[c + 1].deviation:
-                sigma = self.greatest[:, c + 1]
-                band = 2.0 * float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else 0.0
+            band, place = 0.0, self._spread(c)
+            if place is not None:
+                sigma = self.greatest[:, place]
+                band = _SIGMAS * float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else 0.0
             low = min(low, float(np.nanmin(self.least[:, c], initial=np.inf)) - band)
             high = max(high, float(np.nanmax(self.greatest[:, c], initial=-np.inf)) + band)
+            measured = self._measured(c)
+            if measured is not None and np.isfinite(measured[1]).any():  # but a few outliers
+                low = min(low, float(np.nanquantile(measured[1], 0.005)))
+                high = max(high, float(np.nanquantile(measured[2], 0.995)))
         if np.isfinite(high - low) and high > low:
             ax.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
 
@@ -214,13 +299,15 @@ class Plot:
     def _grey(self, ax: Any) -> None:
         for start, end in self.estimation.report.gaps:
             last = self.time[-1] if end is None and len(self.time) else end
-            ax.axvspan(self._at(start), self._at(last), color="0.88", linewidth=0, zorder=0)
+            self.key["gap"] = ax.axvspan(
+                self._at(start), self._at(last), color=_GAP, linewidth=0, zorder=0
+            )
 
     def _alarm_panel(self, ax: Any) -> None:
-        signals, width = self.estimation.alarms, len(self.estimation.outputs.columns)
+        signals = self.estimation.alarms
         step = self.share * self.estimation.specification.sampling.period
         for row, _ in enumerate(signals):
-            raised = self.greatest[:, width + row]
+            raised = self.greatest[:, self.alarmed + row]
             on = np.flatnonzero(raised == 1.0)
             for part in np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if len(on) else ():
                 start, end = self._at(self.time[part[0]]), self._at(self.time[part[-1]] + step)

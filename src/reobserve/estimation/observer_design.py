@@ -169,6 +169,27 @@ class Design(ABC):
         return {"state": self.states}
 
     @property
+    def measured(self) -> Mapping[tuple[str, int], int]:
+        """The measurement of each component of an estimate that is measured itself.
+
+        A row of C that is one of the identity says so, or else the same name and unit.
+        """
+        C, D = getattr(self.system, "C", None), getattr(self.system, "D", None)
+        if C is not None:
+            direct = np.eye(len(C[0])).tolist()
+            return {
+                ("state", direct.index(row)): k for k, row in enumerate(np.asarray(C).tolist())
+                if row in direct and (D is None or not np.any(D[k]))
+            }  # fmt: skip
+        if self.predicts:
+            return {(self.predicts, k): k for k in range(len(self.measurements))}
+        names = {signal: k for k, signal in enumerate(self.measurements)}
+        return {
+            (name, place): names[signal] for name, signals in self.estimates.items()
+            for place, signal in enumerate(signals) if signal in names
+        }  # fmt: skip
+
+    @property
     def sigmas(self) -> Mapping[str, str]:
         """The estimate with the variances of another one, by the name of that."""
         return {}

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from decimal import Decimal
 from itertools import compress
+from os.path import exists, isfile
 from pathlib import Path
 from typing import Any
 
@@ -53,11 +54,15 @@ class File:
     block: int = BLOCK
 
     def __post_init__(self) -> None:
+        self.check_ending()
+        if not isfile(self.path):  # False, too, of a name that no file can have
+            problem = "is no regular file" if exists(self.path) else "there is no such file"
+            raise InputError(str(self.path), problem)
+
+    def check_ending(self) -> None:
+        """Refuse tables of other programs, which are no text."""
         if self._ending in _TABLES:
             problem = f"must be text, such as .csv, or .parquet; a {self._ending} can be exported"
-            raise InputError(str(self.path), problem)
-        if not self.path.is_file():
-            problem = "is no regular file" if self.path.exists() else "there is no such file"
             raise InputError(str(self.path), problem)
 
     @property
@@ -86,7 +91,7 @@ class File:
             if self.columnar:
                 import pyarrow.parquet as parquet
 
-                return [str(name) for name in parquet.ParquetFile(self.path).schema_arrow.names]
+                return [str(name) for name in parquet.ParquetFile(self.packed()).schema_arrow.names]
             return self.head().titles
 
     def head(self) -> Head:
@@ -134,7 +139,7 @@ class File:
         with self.located():
             import pyarrow.parquet as parquet
 
-            batches = parquet.ParquetFile(self.path).iter_batches(batch_size=count)
+            batches = parquet.ParquetFile(self.packed()).iter_batches(batch_size=count)
             first = next(batches, None)
             titles = self.header()
             return {title: [] for title in titles} if first is None else first.to_pydict()
@@ -159,7 +164,7 @@ class File:
         import pyarrow.parquet as parquet
 
         file = parquet.ParquetFile(  # without buffers, whole groups of rows would be in memory
-            self.path, page_checksum_verification=True, pre_buffer=False, buffer_size=_BUFFER
+            self.packed(), page_checksum_verification=True, pre_buffer=False, buffer_size=_BUFFER
         )  # fmt: skip
         read = 0
         rows = max(1, self.block // (8 * len(columns)))
@@ -249,13 +254,11 @@ class File:
 
     def texts(self, above: int, block: int, tell: Tell | None = None) -> Iterator[tuple[int, str]]:
         """Whole lines but the first ones ``above``, some at a time, and how many precede them."""
-        import pyarrow as pa
-
         number, rest = 0, ""
         with self.opened() as stream:
             codec, errors = self.dialect.codec(stream.read(2))
         with (
-            pa.OSFile(str(self.path)) as packed,
+            self.packed() as packed,
             io.TextIOWrapper(self.opened(packed), codec, errors, newline="") as text_stream,
         ):
             while chunk := text_stream.read(block):
@@ -280,7 +283,13 @@ class File:
         """The bytes in it, unpacked, also of the open file that pyarrow has."""
         import pyarrow as pa
 
-        return pa.input_stream(packed or pa.OSFile(str(self.path)), _PACKED.get(self._ending))
+        return pa.input_stream(packed or self.packed(), _PACKED.get(self._ending))
+
+    def packed(self) -> Any:
+        """The bytes in it, as they are."""
+        import pyarrow as pa
+
+        return pa.OSFile(str(self.path))
 
     def lines_at(self, numbers: Sequence[int]) -> dict[int, int]:
         """The lines of rows in the file, or their rows in a Parquet file, all from 1 on."""

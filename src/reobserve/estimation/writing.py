@@ -180,6 +180,29 @@ def _csv(
                 stream.write(text(rows, report, digits).encode())
 
 
+def as_times(times: Array, report: DataReport) -> Any:
+    """Times [s] as a column of pyarrow: dates, or seconds of the record's own clock."""
+    import pyarrow as pa
+
+    if report.origin is None:
+        return pa.array(times + (report.shift or 0))
+    dates: Any = date_columns.ticks_of(times, report)
+    if dates is None:
+        unit = 1000 if report.digits == 6 else 1
+        dates = [report.nanoseconds(seconds) // unit for seconds in times.tolist()]
+    return pa.array(dates, pa.timestamp("us" if report.digits == 6 else "ns", report.zone or None))
+
+
+def as_columns(block: Estimated, titles: Sequence[str], report: DataReport) -> Any:
+    """A block of rows as a table of pyarrow."""
+    import pyarrow as pa
+
+    numbers = np.column_stack([block.numbers, block.alarms])
+    status = pa.array(STATUSES, pa.string()).take(pa.array(block.status))
+    cells = [pa.array(column, pa.float64(), from_pandas=True) for column in numbers.T]
+    return pa.table([as_times(block.time, report), *cells, status], list(titles))
+
+
 def _parquet(
     partial: Path,
     titles: Sequence[str],
@@ -188,27 +211,13 @@ def _parquet(
     report: DataReport,
 ) -> None:
     package("pyarrow", "write Parquet files")
-    import pyarrow as pa
     import pyarrow.parquet as parquet
 
     with ExitStack() as open_files:
         writer: Any = None
         for block in blocks:
-            kinds = [pa.float64()] * (len(titles) - 1) + [pa.string()]
-            if report.origin is None:
-                time = pa.array(block.time + (report.shift or 0))
-            else:
-                kinds[0] = pa.timestamp("us" if report.digits == 6 else "ns", report.zone or None)
-                dates: Any = date_columns.ticks_of(block.time, report)
-                if dates is None:
-                    unit = 1000 if report.digits == 6 else 1
-                    dates = [report.nanoseconds(seconds) // unit for seconds in block.time.tolist()]
-                time = pa.array(dates, kinds[0])
-            schema = pa.schema(list(zip(titles, kinds, strict=True)))
+            table = as_columns(block, titles, report)
             if writer is None:  # as the first rows say what times are
-                writer = open_files.enter_context(parquet.ParquetWriter(partial, schema))
-            numbers = np.column_stack([block.numbers, block.alarms])
-            columns = [pa.array(column, from_pandas=True) for column in numbers.T]
-            status = pa.array(STATUSES, pa.string()).take(pa.array(block.status))
-            writer.write_table(pa.Table.from_arrays([time, *columns, status], schema=schema))
+                writer = open_files.enter_context(parquet.ParquetWriter(partial, table.schema))
+            writer.write_table(table)
         writer.add_key_value_metadata({KEY: json.dumps(about()).encode()})

@@ -52,6 +52,7 @@ text = {"poles": [-1.5, -2], "order": 2, "sampling_period": 0.01}
 lacks("symbolic", lambda: reobserve.normal_form_observer(["w", "-a"], ["a"], ["a", "w"], **text))
 lacks("data", lambda: main(["estimate", "s.yaml", "r.csv", "--out", "estimates.csv"]))
 lacks("data", lambda: main(["estimate", "--example", "list"]))
+lacks("data", lambda: reobserve.estimate("s.yaml", "r.csv"))
 lacks("data", lambda: main(["tune", "tune.yaml", "--output", "tuned"]))
 lacks("design", lambda: main(["design", "eso", "motor.yaml", "--out", "motor.json"]))
 lacks("design", lambda: main(["export", "motor.json"]))

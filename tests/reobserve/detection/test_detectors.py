@@ -199,7 +199,7 @@ def test_least_and_greatest_rates_are_accepted_and_no_others(detect: Any) -> Non
     for rate in (1e-9, 0.1):
         assert np.isfinite(detect(rate).threshold)
     for rate in (np.nextafter(1e-9, 0.0), np.nextafter(0.1, 1.0)):
-        with pytest.raises(InputError, match="^false_alarm_rate: .* must be from 1e-09 to 0.1 "):
+        with pytest.raises(InputError, match=r"^false_alarm_rate: .* must be from 1e-09 to 0.1 "):
             detect(rate)
 
 

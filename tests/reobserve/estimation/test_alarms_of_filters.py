@@ -207,12 +207,10 @@ def test_plot_has_the_bound_of_one_side(tmp_path: Path) -> None:
     values = 3.0 * np.sin(2 * np.pi * np.arange(ROWS) / 200)
     chosen = specified(DRIFT, {"of": "temperature", "below": -1.0})
     estimation = Estimation(chosen, ["t", "T"], "r")
-    plot = Plot(estimation)
-    plot.add(estimation.feed(np.column_stack([np.arange(ROWS), values])))
-    import matplotlib.figure
-
-    axes = plot._figure(matplotlib.figure).axes
-    dashed = [line.get_ydata()[0] for line in axes[0].get_lines() if line.get_linestyle() == "--"]
+    plot = estimation.curves = Plot(estimation)
+    estimation.feed(np.column_stack([np.arange(ROWS), values]))
+    axes = plot.figure().axes
+    dashed = [line.get_ydata()[0] for line in axes[0].get_lines() if line.get_color() == "0.35"]
     assert dashed == [-1.0]
 
 

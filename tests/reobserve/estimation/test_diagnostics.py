@@ -64,7 +64,7 @@ def warned(
     record = write_record(folder / "r.csv", {"t": TIME, "x": values})
     made = estimate_file(chosen, record, folder / "e.csv")
     where = r"the \d+ rows of the longest stretch|the first \d+ rows"
-    numbers = rf"[0-9.]+ (%|times)|far more than|{where}"
+    numbers = rf"[0-9.]+ (%|times)|far more than|{where}|(?<=[ (])-?[0-9.]+(?=[ ,)])"
     return [re.sub(numbers, "", one) for one in made.report.warnings]
 
 

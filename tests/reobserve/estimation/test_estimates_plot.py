@@ -97,7 +97,7 @@ def test_alarms_are_bars_and_thresholds_are_lines(tmp_path: Path, figures: list[
         assert covered[row] == pytest.approx(raised * period, rel=1e-6)
     dashed = {
         ax.get_ylabel().partition("\n")[0]: [
-            line.get_ydata()[0] for line in ax.get_lines() if line.get_linestyle() == "--"
+            line.get_ydata()[0] for line in ax.get_lines() if line.get_color() == "0.35"
         ]
         for ax in panels
     }
@@ -117,7 +117,7 @@ def test_probability_has_an_upper_threshold_only(tmp_path: Path, figures: list[A
     axes, *_ = drawn("imm-kalman", simulated("imm-kalman").record(), tmp_path, figures)
     dashed = {
         ax.get_ylabel().partition("\n")[0]: [
-            line.get_ydata()[0] for line in ax.get_lines() if line.get_linestyle() == "--"
+            line.get_ydata()[0] for line in ax.get_lines() if line.get_color() == "0.35"
         ]
         for ax in axes[:-1]
     }
@@ -140,3 +140,59 @@ def test_long_record_is_plotted_by_minimum_and_maximum(tmp_path: Path, figures: 
         here = corners[np.isclose(corners[:, 0], found["time"][first], atol=1e-6), 1]
         assert (here.min(), here.max()) == pytest.approx((pair.min(), pair.max()), rel=1e-12)
     assert corners[:, 0].max() == pytest.approx(200.0)  # the row without a partner
+
+
+def test_measurements_inputs_and_predicted_bands_are_drawn(
+    tmp_path: Path, figures: list[Any]
+) -> None:
+    """Measurements in the unit of the estimate that they are of, residuals in their bands."""
+    columns = {title: values[:200] for title, values in simulated("kalman").record().items()}
+    axes, _, _ = drawn(
+        "kalman", columns, tmp_path, figures, alarms=[],
+        estimates={"state": {"speed": "deg/s", "current": "mA"}},
+    )  # fmt: skip
+    speed, current, residual, _, voltage = axes
+    lines = {ax: [line.get_ydata() for line in ax.get_lines()] for ax in axes}
+    assert lines[speed][1] == pytest.approx(6.0 * columns["speed"])
+    assert lines[current][1] == pytest.approx(columns["current"])
+    assert np.array_equal(lines[voltage][0], columns["voltage"])
+    assert voltage.get_ylabel() == "voltage\n[V]"
+    assert [line.get_zorder() for line in speed.get_lines()] == [2, 1]
+    band = residual.collections[0].get_paths()[0].vertices
+    here = band[np.isclose(band[:, 0], columns["t"][150] / 1000.0), 1]
+    assert here.min() == -here.max() < 0
+    inside = np.abs(lines[residual][0][50:]) < here.max()
+    assert 0.9 < inside.mean() < 1.0
+    (key,) = figures[0].legends
+    texts = [text.get_text() for text in key.get_texts()]
+    assert texts == ["±2 standard deviations of the observer", "measured"]
+    assert figures[0].get_suptitle() == "r.csv, KalmanFilter"
+
+
+MEASURED = {
+    "kalman": {("state", 0): 0, ("state", 1): 1},
+    "eso": {("state", 0): 0, ("state", 1): 1},
+    "extended-kalman": {("state", 0): 0},
+    "ilo-sampled": {("rate", k): k for k in range(3)},
+    "levant": {("derivatives", 0): 0},
+}
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_estimates_that_are_measured_are_found(name: str) -> None:
+    chosen = specification(name)
+    assert chosen.observer.design(chosen.sampling.period).measured == MEASURED[name]
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [
+        ({"C": [[0.0, 1.0], [1.0, 0.0]]}, {("state", 1): 0, ("state", 0): 1}),
+        ({"C": [[2.0, 0.0], [1.0, 1.0]]}, {}),
+        ({"D": [[1.0], [0.0]]}, {("state", 1): 1}),
+    ],
+)
+def test_rows_of_C_say_what_is_measured(changes: dict[str, Any], found: dict[Any, int]) -> None:
+    """Whatever the names are."""
+    chosen = specification("kalman", observer=changes)
+    assert chosen.observer.design(chosen.sampling.period).measured == found

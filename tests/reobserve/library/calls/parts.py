@@ -8,6 +8,7 @@ from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from reobserve.core.documents import parse_yaml
 from reobserve.estimation.families import family
@@ -51,6 +52,15 @@ def _basics() -> Iterator[Call]:
         return fit(make, ranges, records, budget=budget, seed=seed)
 
     level = np.sin(np.arange(60.0) ** 2)
+    specification = {
+        "observer": {
+            "kind": "luenberger", "time": "discrete", "A": [[1.0]], "C": [[1.0]], "poles": [0.5],
+        },
+        "columns": {"measurements": [{"column": "y"}]}, "sampling": {"period": 1.0},
+    }  # fmt: skip
+    yield from called(
+        {"estimation.estimates.estimate": (specification, pd.DataFrame({"y": level}))}
+    )
     yield Call("tuning.fit.fit", fitted, ({"q": (1e-3, 10.0)}, [level], 500, 1))
     hold = (TRANSITION, [[0.0], [1.0]], 0.1)
     yield from called({
