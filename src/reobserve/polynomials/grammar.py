@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import cache
 from operator import add, mul, sub, truediv
 from typing import Any
 
@@ -37,6 +38,41 @@ _HIGHEST_POWER = 1000
 _MOST_BITS = 1024  # of a whole number: those of the largest float
 
 _TOGETHER = 40
+
+
+@cache
+def functions() -> dict[str, Any]:
+    """All functions by name, and two that derivatives have, which stay as they are written.
+
+    sympy's own are rewritten by what it finds out about their arguments, without bound.
+    """
+    import sympy
+
+    class Function(sympy.Function):  # type: ignore[misc]
+        """Evaluated as sympy's own where that is done at once."""
+
+        @classmethod
+        def eval(cls, *arguments: Any) -> Any:
+            name = cls.__name__
+            for u in arguments:
+                if u.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+                    return sympy.nan
+                if not (u.is_Number or u.is_NumberSymbol or (u / sympy.pi).is_Rational):
+                    return None
+            value = getattr(sympy, name)(*arguments)
+            return None if value.func.__name__ == name else value
+
+        def _eval_is_extended_real(self) -> bool | None:
+            if self.is_number:
+                value = self.evalf(15)
+                return bool(value.is_Float or value.is_Rational)
+            return all(argument.is_extended_real for argument in self.args) or None
+
+    names = [*FUNCTIONS.values(), "sign", "sinc_slope"]
+    made = {name: type(name, (Function,), {}) for name in names}
+    # Powers of E are exponentials of sympy; roots are powers.
+    return made | {"abs": made["Abs"], "exp": sympy.exp, "sqrt": sympy.sqrt}
+
 
 _Part = Callable[[], Any]
 _Join = Callable[[Any, Any], Any]
@@ -146,7 +182,8 @@ class _Parser:
             check_constant(self.place, part)
         check_raised(self.place, base, exponent)
         check_power(self.place, exponent)
-        return self.checked(base**exponent)
+        # sqrt(a**2) has sympy's own.
+        return self.checked((base**exponent).replace(self.sympy.Abs, functions()["abs"]))
 
     def atom(self) -> Any:
         kind, token, _ = self.here
@@ -166,7 +203,7 @@ class _Parser:
         if name in self.variables:
             self.advance()
             return self.variables[name]
-        function = getattr(self.sympy, FUNCTIONS[name]) if name in FUNCTIONS else None
+        function = functions()[name] if name in FUNCTIONS else None
         if function is None and name in ("pi", "E"):
             self.advance()
             return getattr(self.sympy, name)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
+from reobserve.polynomials.grammar import functions, parse
 from reobserve.systems.text_functions import python_code, read_expression
 
 _MOST_OPERATIONS = 4000  # of a function or its Jacobian: compiling takes some milliseconds for each
@@ -70,53 +71,51 @@ def text_jacobian(name: str, texts: tuple[str, ...], names: Names) -> tuple[str,
     for i, text in enumerate(texts):
         expression = read_expression(f"{name}[{i}]", text, symbols, list(symbols))
         for state in names.states:
-            derivatives.append(_derivative(expression, symbols[state]))
             places.append(f"d {name}[{i}] / d {state}")
+            derivatives.append(_derivative(places[-1], expression, symbols[state]))
     return _codes(places, derivatives, written)
 
 
-def _derivative(expression: Any, x: Any) -> Any:
-    """The derivative by x, with e b' b**(e - 1) for that of b**e where e is not of x.
+# The derivatives by the arguments u and v of functions; that of abs is 0 at 0, that of atan2 nan
+# where both are 0.
+_DERIVATIVES = {
+    "exp": ["exp(u)"], "log": ["1/u"], "erf": ["2*exp(-u**2)/sqrt(pi)"],
+    "sin": ["cos(u)"], "cos": ["-sin(u)"], "tan": ["tan(u)**2 + 1"],
+    "cot": ["-cot(u)**2 - 1"], "sec": ["tan(u)*sec(u)"], "csc": ["-cot(u)*csc(u)"],
+    "asin": ["1/sqrt(1 - u**2)"], "acos": ["-1/sqrt(1 - u**2)"], "atan": ["1/(u**2 + 1)"],
+    "sinh": ["cosh(u)"], "cosh": ["sinh(u)"], "tanh": ["1 - tanh(u)**2"],
+    "coth": ["-csch(u)**2"], "sech": ["-tanh(u)*sech(u)"], "csch": ["-coth(u)*csch(u)"],
+    "asinh": ["1/sqrt(u**2 + 1)"], "acosh": ["1/(sqrt(u - 1)*sqrt(u + 1))"],
+    "atanh": ["1/(1 - u**2)"], "sinc": ["sinc_slope"], "Abs": ["sign"],
+    "atan2": ["v/(u**2 + v**2)", "-u/(u**2 + v**2)"],
+}  # fmt: skip
 
-    sympy writes e b' b**e / b, which is nan at b = 0, and a derivative of sinc that is nan at 0.
-    That of abs is the sign, 0 at 0; that of atan2 is nan where both arguments are 0.
-    """
+
+def _derivative(place: str, expression: Any, x: Any) -> Any:
+    """The derivative by a symbol."""
     import sympy
 
-    power, sinc, absolute = _own()
-    pairs = expression.replace(
-        lambda term: term.is_Pow and not term.exp.is_number and not term.exp.has(x),
-        lambda term: power(*term.args),
-    )
-    slope = pairs.replace(sympy.sinc, sinc).replace(sympy.Abs, absolute).diff(x)
-    slope = slope.replace(power, sympy.Pow).replace(sinc, sympy.sinc)
-    return slope.replace(absolute, sympy.Abs)
-
-
-@cache
-def _own() -> tuple[Any, Any, Any]:
-    """Powers, sinc and abs as real functions with other derivatives than those of sympy."""
-    import sympy
-
-    class Real(sympy.Function):  # type: ignore[misc]
-        is_real = True
-
-    class Power(Real):
-        def fdiff(self, argindex: int = 1) -> Any:
-            base, exponent = self.args
-            return exponent * Power(base, exponent - 1)
-
-    class Sinc(Real):
-        def fdiff(self, argindex: int = 1) -> Any:
-            (x,) = self.args
-            slope = (sympy.cos(x) - sympy.sin(x) / x) / x
-            return sympy.Piecewise((slope, sympy.Ne(x, 0)), (0, True))
-
-    class Absolute(Real):
-        def fdiff(self, argindex: int = 1) -> Any:
-            return sympy.sign(self.args[0])
-
-    return Power, Sinc, Absolute
+    if x not in expression.free_symbols:
+        return sympy.S.Zero
+    if expression == x:
+        return sympy.S.One
+    parts = expression.args
+    slopes = [_derivative(place, part, x) for part in parts]
+    if expression.is_Add:
+        return sympy.Add(*slopes)
+    if expression.is_Mul:
+        terms = (sympy.Mul(*parts[:i], s, *parts[i + 1 :]) for i, s in enumerate(slopes))
+        return sympy.Add(*terms)
+    if expression.is_Pow:
+        b, e = parts
+        if slopes[1] != 0:  # (e' log(b) + e b' / b) b**e
+            return (slopes[1] * functions()["log"](b) + e * slopes[0] / b) * expression
+        return e * slopes[0] * b ** (e - 1)  # as e b' b**e / b is nan at b = 0
+    texts = _DERIVATIVES[expression.func.__name__]
+    names = dict(zip("uv", parts, strict=False))
+    names |= {text: functions()[text](*parts) for text in texts if text in functions()}
+    outer = [parse(place, text, names) for text in texts]
+    return sympy.Add(*(f * u for f, u in zip(outer, slopes, strict=True) if u != 0))
 
 
 def _symbols(names: Names) -> tuple[dict[str, Any], dict[Any, str]]:

@@ -44,7 +44,7 @@ def python_code(
     """
     import sympy
 
-    written = {symbol: sympy.Symbol(text) for symbol, text in places.items()}
+    written = {symbol: sympy.Symbol(text, real=True) for symbol, text in places.items()}
     # Integers that 64 bits do not hold would not compile.
     large = [one for one in expression.atoms(sympy.Rational) if max(abs(one.p), one.q) >= 2**63]
     written |= {number: sympy.Float(float(number), 17) for number in large}
@@ -81,9 +81,20 @@ def compiled_rows(rows: tuple[str, ...]) -> Any:
     return loop_pointer(VECTOR_FIELD, inner, again, copies=False, pickled=(compiled_rows, (rows,)))
 
 
+# Functions that math has not; each stands where it is a factor.
+_WRITTEN = {
+    "cot": "(1.0/math.tan({0}))", "sec": "(1.0/math.cos({0}))", "csc": "(1.0/math.sin({0}))",
+    "coth": "(1.0/math.tanh({0}))", "sech": "(1.0/math.cosh({0}))", "csch": "(1.0/math.sinh({0}))",
+    "sign": "(1.0*({0} > 0.0) - 1.0*({0} < 0.0))",
+    "sinc": "(math.sin({0})/({0}) if {0} != 0.0 else 1.0)",
+    # (cos(u) - sin(u) / u) / u = -u / 3 + u^3 / 30 - ..., as the difference cancels
+    "sinc_slope": "((math.cos({0}) - math.sin({0})/({0}))/({0}) if abs({0}) > 1e-4 else ({0})/-3.0)",
+}  # fmt: skip
+
+
 @cache
 def _printer() -> Any:
-    """sympy's printer of Python, but for signs, and whole negative powers, which raise at zero."""
+    """sympy's printer of Python, but for some functions, and whole powers, which raise at zero."""
     from sympy.printing.precedence import PRECEDENCE
     from sympy.printing.pycode import PythonCodePrinter
 
@@ -94,8 +105,9 @@ def _printer() -> Any:
                 return f"(1.0/{base}**{-int(expr.exp)})"
             return str(super()._print_Pow(expr, rational=rational))
 
-        def _print_sign(self, expr: Any) -> str:
-            part = self._print(expr.args[0])
-            return f"(1.0*({part} > 0.0) - 1.0*({part} < 0.0))"
+    def printed(form: str) -> Any:
+        return lambda printer, expr: form.format(printer._print(expr.args[0]))
 
+    for name, form in _WRITTEN.items():
+        setattr(Printer, f"_print_{name}", printed(form))
     return Printer({"fully_qualified_modules": True})

@@ -228,11 +228,6 @@ def test_observer_without_fixed_steps_is_refused_with_the_reason() -> None:
     high_gain = HighGainObserver(pendulum(), rho=10.0, sampling_period=0.01)
     with pytest.raises(InputError, match=r"a model of compiled functions cannot be exported"):
         program_of(high_gain, high_gain.init([0.0, 0.0]))
-    cases_of_text = HighGainObserver(
-        triangular_model(["a"], ["sinc(a)"], "1"), rho=10.0, sampling_period=0.01
-    )
-    with pytest.raises(InputError, match=r"a model with sinc cannot be exported: write sin"):
-        program_of(cases_of_text, cases_of_text.init([0.0]))
     with pytest.raises(InputError, match="the gain composed cannot be exported, only series"):
         program_of(cases.pendulum(order=3, gain="composed"))
     with pytest.raises(InputError, match="start: must be given"):

@@ -65,14 +65,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         bank(*map(cases.switching, ("pseudo", "weighted", "pseudo"))),
         ONE_KIND,
     ),
-    "a text with cases": (
-        lambda: program_of(*written("sinc(x)")),
-        "observer: of a model with sinc cannot be exported: write sin(x)/x",
-    ),
-    "a derivative with cases": (
-        lambda: program_of(*written("x", ["sinc(x)"])),
-        "observer: of a model with sinc cannot be exported: write sin(x)/x",
-    ),
     "a function of Python": (
         lambda: program_of(*written(lambda x: x)),
         "observer: of a model with f as a function cannot be exported; give it as text",

@@ -78,7 +78,7 @@ NUMBERLESS = "is no finite real number anywhere"
         (["0", "0"], "sqrt(-1)*a", f"input_gain: 'sqrt(-1)*a' {NUMBERLESS}"),
         (["0", "(-8)**(1/3)*b"], "1", f"drift[1]: '(-8)**(1/3)*b' {NUMBERLESS}"),
         (["asin(2)", "0"], "1", f"drift[0]: 'asin(2)' {NUMBERLESS}"),
-        (["0", "0"], "atan(1/0)", "input_gain: 'atan(1/0)' has no form that can be compiled"),
+        (["0", "0"], "atan(1/0)", f"input_gain: 'atan(1/0)' {NUMBERLESS}"),
     ],
 )
 def test_invalid_right_hand_side_text_is_refused(

@@ -22,6 +22,7 @@ _SIGNS: dict[type, Any] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
     ast.Gt: lambda *sides: Elementwise("({} > {})", sides),
     ast.Lt: lambda *sides: Elementwise("({} < {})", sides),
+    ast.NotEq: lambda *sides: Elementwise("({} != {})", sides),
 }  # fmt: skip
 
 
@@ -62,11 +63,13 @@ def _made(part: ast.expr, entry: Entry) -> Expression:
     if isinstance(part, ast.Call):
         name = part.func.attr if isinstance(part.func, ast.Attribute) else "fabs"
         return call(name, *(_made(argument, entry) for argument in part.args))
-    if isinstance(part, ast.Compare):  # of a sign
+    if isinstance(part, ast.IfExp):  # of sinc
+        three = (part.test, part.body, part.orelse)
+        return Elementwise("({} ? {} : {})", tuple(_made(one, entry) for one in three))
+    if isinstance(part, ast.Compare):
         part = ast.BinOp(part.left, part.ops[0], part.comparators[0])  # type: ignore[arg-type]
-    if isinstance(part, ast.BinOp):
-        return _joined(part.op, _made(part.left, entry), _made(part.right, entry))
-    raise InputError("observer", "of a model with sinc cannot be exported: write sin(x)/x")
+    assert isinstance(part, ast.BinOp)
+    return _joined(part.op, _made(part.left, entry), _made(part.right, entry))
 
 
 def _joined(sign: ast.operator, left: Expression, right: Expression) -> Expression:

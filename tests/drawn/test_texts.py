@@ -1,0 +1,218 @@
+"""Texts of models: each is refused in a sentence or has its value, in Python, by numba and in C.
+
+So do its derivatives. The values are those of mpmath by a walk through the text of its own, whose
+difference from the same walk with fewer bits says what rounding may change.
+"""
+
+from __future__ import annotations
+
+import ast
+import ctypes
+import math
+import re
+import shutil
+import signal
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import reduce
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numba
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from reobserve.codegen.expressions import Name
+from reobserve.codegen.programs.right_hand_sides import expression
+from reobserve.core.errors import InputError
+from reobserve.core.vector_field import VECTOR_FIELD
+from reobserve.observers.normal_form import normal_form_observer
+from reobserve.polynomials.grammar import ANALYTIC, FUNCTIONS
+from reobserve.systems.nonlinear_text import Names, text_jacobian, text_rows
+
+from . import fewer
+
+POINTS = [(0.3, -0.7), (1.6, 2.5), (-1.2, 0.4), (0.0, 1.0), (25.0, -40.0), (-1e-9, 1e6)]
+LONGEST = 20  # seconds of one text, of which most take some milliseconds
+ONES = [name for name in FUNCTIONS if name != "atan2"]
+NAMES = Names(("a", "w"), (), ())
+Dual = tuple[Any, Any, Any]  # a value and its derivatives by a and w
+
+
+class UndefinedError(Exception):
+    """A part that is no real number, or so large or small that floats may lose it."""
+
+
+@contextmanager
+def bounded_time() -> Iterator[None]:
+    def late(*_: Any) -> None:
+        raise AssertionError("a text takes too long")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(LONGEST)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def real(value: Any) -> Any:
+    if not isinstance(value, mpmath.mpf) or not (value == 0 or 1e-100 < abs(value) < 1e100):
+        raise UndefinedError
+    return value
+
+
+def slope(function: Callable[[Any], Any], at: Any) -> Any:
+    """A derivative, with as many digits as a formula that cancels would give."""
+    with mpmath.workprec(300):
+        found = real(mpmath.diff(function, at))
+    return found + (1 + abs(found)) * mpmath.ldexp(1, 3 - mpmath.mp.prec)
+
+
+def applied(function: Callable[..., Any], *parts: Dual) -> Dual:
+    """A function of duals, by its derivative for each of them."""
+    at = [part[0] for part in parts]
+    total = [mpmath.mpf(0)] * 2
+    for i, part in enumerate(parts):
+        if any(part[1:]):
+            one = slope(lambda v, i=i: function(*at[:i], v, *at[i + 1 :]), at[i])
+            total = [real(t + one * s) for t, s in zip(total, part[1:], strict=True)]
+    return (real(function(*at)), *total)  # type: ignore[return-value]
+
+
+def raised(base: Dual, power: Dual) -> Dual:
+    (b, *_), (p, *steps) = base, power
+    if not any(steps) and p == int(p):  # 0**p has a derivative, and (-1)**p
+        return applied(lambda v: v ** int(p), base)
+    if b <= 0:
+        raise UndefinedError
+    return applied(lambda v, e: v**e, base, power)
+
+
+def absolute(value: Any) -> Any:
+    if value == 0:
+        raise UndefinedError
+    return abs(value)
+
+
+CALLS = {name: getattr(mpmath, name) for name in FUNCTIONS if name != "abs"} | {"abs": absolute}
+
+
+def dual(part: ast.expr, point: dict[str, Dual]) -> Dual:
+    """The value and derivatives of a text that Python has read."""
+    if isinstance(part, ast.Constant):
+        return (real(mpmath.mpf(part.value)), mpmath.mpf(0), mpmath.mpf(0))  # type: ignore[arg-type]
+    if isinstance(part, ast.Name):
+        return point[part.id]
+    if isinstance(part, ast.UnaryOp):
+        return tuple(-v for v in dual(part.operand, point))  # type: ignore[return-value]
+    if isinstance(part, ast.Call):
+        assert isinstance(part.func, ast.Name)
+        return applied(CALLS[part.func.id], *(dual(one, point) for one in part.args))
+    assert isinstance(part, ast.BinOp)
+    (u, du, dw), (v, dv, dx) = both = dual(part.left, point), dual(part.right, point)
+    if isinstance(part.op, ast.Pow):
+        return raised(*both)
+    if isinstance(part.op, ast.Add | ast.Sub):
+        sign = 1 if isinstance(part.op, ast.Add) else -1
+        found = (u + sign * v, du + sign * dv, dw + sign * dx)
+    elif isinstance(part.op, ast.Mult):
+        found = (u * v, u * dv + v * du, u * dx + v * dw)
+    else:
+        found = (u / v, (du - u / v * dv) / v, (dw - u / v * dx) / v)
+    return tuple(map(real, found))  # type: ignore[return-value]
+
+
+def wanted(text: str, point: Sequence[float], bits: int) -> Any:
+    """Value and derivatives with so many bits, or None where there are none."""
+    with mpmath.workprec(bits):
+        a, w = map(mpmath.mpf, point)
+        one, zero = mpmath.mpf(1), mpmath.mpf(0)
+        names = {"a": (a, one, zero), "w": (w, zero, one)}
+        names |= {name: (+value, zero, zero) for name, value in (("pi", mpmath.pi), ("E", mpmath.e))}
+        try:
+            return np.array(dual(ast.parse(text.replace("^", "**"), mode="eval").body, names))
+        except (UndefinedError, ArithmeticError, ValueError, TypeError):
+            return None
+
+
+def rows_of(text: str) -> tuple[str, ...] | None:
+    """The code of a text and of its derivatives, or None where it is refused."""
+    with bounded_time():
+        try:
+            return (*text_rows("f", [text], (1,), NAMES), *text_jacobian("f", (text,), NAMES))
+        except InputError as error:
+            assert str(error).startswith(("f[0]: ", "d f[0] / d ")), error
+            assert "\n" not in str(error)
+            assert len(str(error)) < 400
+            return None
+
+
+def in_python(rows: Sequence[str]) -> Any:
+    found = np.full((len(POINTS), len(rows)), np.nan)
+    for k, point in enumerate(POINTS):
+        for i, row in enumerate(rows):
+            try:
+                found[k, i] = eval(row, {"math": math}, {"x": point})
+            except OverflowError:
+                found[k, i] = np.inf
+            except (ArithmeticError, ValueError, TypeError):  # a complex number is no float
+                found[k, i] = np.nan
+    return found
+
+
+def by_numba(rows: Sequence[str]) -> Any:
+    """As `compiled_rows` compiles them, which keeps its code on disk."""
+    body = "".join(f"    out[{i}] = {row}\n" for i, row in enumerate(rows))
+    namespace: dict[str, Any] = {"math": math}
+    exec(f"def field(x, parameters, out):\n{body}", namespace)
+    field = numba.njit(VECTOR_FIELD, error_model="numpy")(namespace["field"])
+    found = np.empty((len(POINTS), len(rows)))
+    for k, point in enumerate(POINTS):
+        field(np.array(point), np.empty(0), found[k])
+    return found
+
+
+def in_c(rows: Sequence[str]) -> Any:
+    x = Name("x", (2,))
+    body = "".join(f"    out[{i}] = {expression(row, x).inside(())};\n" for i, row in enumerate(rows))
+    found = np.empty((len(POINTS), len(rows)))
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "f.c").write_text(
+            f"#include <math.h>\nvoid f(const double *x, double *out) {{\n{body}}}\n"
+        )
+        flags = ["-std=c99", "-O0", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", "-o", "f.so"]
+        subprocess.run(["cc", *flags, "f.c", "-lm"], check=True, cwd=folder)
+        function = ctypes.CDLL(f"{folder}/f.so").f
+        for k, point in enumerate(POINTS):
+            function((ctypes.c_double * 2)(*point), found[k].ctypes.data_as(ctypes.c_void_p))
+    return found
+
+
+WAYS = {"python": in_python, "numba": by_numba} | ({"c": in_c} if shutil.which("cc") else {})
+
+
+def check(texts: Sequence[str], *ways: str) -> int:
+    """Compare the texts that are accepted by the named ways; their number."""
+    read = {text: rows for text in texts if (rows := rows_of(text)) is not None}
+    rows = [row for group in read.values() for row in group]
+    found = {way: WAYS[way](rows).reshape(len(POINTS), -1, 3) for way in ways if way in WAYS and rows}
+    for k, point in enumerate(POINTS):
+        for i, text in enumerate(read):
+            exact, rough = wanted(text, point, 200), wanted(text, point, 42)
+            if exact is None or rough is None:
+                continue
+            error = np.abs(exact - rough) * 4 + 1e-11 * np.abs(exact) + 1e-99
+            for way, values in found.items():
+                found_here = values[k, i]
+                beyond = (way == "python") & np.isinf(found_here)  # which Python raises
+                good = beyond | (np.abs(np.where(beyond, 0, found_here) - exact) <= error)
+                assert good.all(), (way, text, point, values[k, i], exact.astype(float), read[text])
+    return len(read)
