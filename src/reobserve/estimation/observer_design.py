@@ -7,14 +7,15 @@ import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import NoneType
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_type_hints
 
 import numpy as np
 
+from reobserve.codegen.record import test_run
 from reobserve.core.documents import Tree
-from reobserve.core.errors import DivergenceError, InputError
+from reobserve.core.errors import DivergenceError, InputError, ReobserveError
 from reobserve.core.matrices import FloatArray, as_positive
 from reobserve.core.validation import checked, parse
 from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered
@@ -248,19 +249,32 @@ class Design(ABC):
         """A few sentences on what the certificate says."""
 
     def try_out(self) -> None:
-        """Start the observer and run it over some rows of zeros.
+        """Start the observer and run it over the rows on which exported code is tested.
 
         Raises
         ------
         InputError
-            If it refuses the initial state or what it reads; it names the key.
+            If it refuses the initial state or what it reads, or diverges; it names the key.
         """
-        rows, inputs = np.zeros((3, self.widths[0][0])), np.zeros((3, self.widths[1][0]))
-        with self.keyed():
-            state = self.start()
-            with suppress(DivergenceError), np.errstate(all="ignore"), warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # zero may be no valid row
-                self.observer.run(rows, inputs if self.observer.inputs else None, start=state)
+        with self.keyed(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                self._run()
+            except DivergenceError as error:
+                raise InputError(self._why(error), f"cannot be run: {error}") from None
+
+    def _run(self) -> None:
+        test_run(self.observer, self.start(), (self.widths[0][0], self.widths[1][0]))
+
+    def _why(self, error: DivergenceError) -> str:
+        """The key of a start without which a design does not diverge, or that of all else."""
+        for key in ("initial_state", "initial_covariance"):
+            given = getattr(self.system, key, None)
+            if given is not None:
+                with suppress(ReobserveError):
+                    replace(self, system=replace(self.system, **{key: 0.0 * np.array(given)}))._run()
+                    return key
+        return "sampling_period" if "a step of" in str(error) else "model"
 
     def checked(self) -> Design:
         """The design, if its certificate is the one of its system and gains, and it can start.

@@ -18,7 +18,7 @@ from functools import cache
 from operator import add, mul, sub, truediv
 from typing import Any
 
-from reobserve.core.errors import InputError, shown
+from reobserve.core.errors import InputError, one_line, shown
 from reobserve.core.extras import package
 
 # Functions of one argument that are analytic wherever they have a Taylor series.
@@ -63,9 +63,9 @@ def functions() -> dict[str, Any]:
             return None if value.func.__name__ == name else value
 
         def _eval_is_extended_real(self) -> bool | None:
-            if self.is_number:
-                value = self.evalf(15)
-                return bool(value.is_Float or value.is_Rational)
+            if self.is_number:  # mpmath's atan2 has an error of Python's of complex numbers
+                parts = (part.evalf(15) for part in (*self.args, self))
+                return all(bool(part.is_Float or part.is_Rational) for part in parts)
             return all(argument.is_extended_real for argument in self.args) or None
 
     names = [*FUNCTIONS.values(), "sign", "sinc_slope"]
@@ -260,7 +260,8 @@ def check_raised(place: str, base: Any, exponent: Any) -> None:
         elif part.is_Rational and part not in (-1, 0, 1):
             bits = max(abs(part.p), part.q).bit_length() * abs(exponent)
             if bits > _MOST_BITS:
-                raise InputError(place, f"({part})**({exponent}) is beyond numbers")
+                power = one_line(f"({part})**({exponent})", 100)
+                raise InputError(place, f"{power} is beyond numbers")
 
 
 def check_constant(place: str, value: Any) -> None:

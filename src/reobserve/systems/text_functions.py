@@ -52,7 +52,8 @@ def python_code(
         code = str(_printer().doprint(expression.xreplace(written)))
     except (ValueError, TypeError, NotImplementedError, RecursionError):
         code = "Not supported"
-    if "Not supported" in code or "mpmath" in code:
+    no_number = expression.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I)
+    if no_number or "Not supported" in code or "mpmath" in code:
         raise InputError(
             place, f"{shown(text or str(expression))} has no form that can be compiled"
         )

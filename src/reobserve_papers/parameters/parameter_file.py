@@ -170,24 +170,42 @@ class _Branch(BaseModel):
         return {**found, "additionalProperties": handler(Entry.__pydantic_core_schema__)}
 
 
+def _check_drawn(place: str, text: str) -> None:
+    """Refuse text that cannot be drawn: with formulas of matplotlib's that are none."""
+    if "$" not in text:
+        return
+    from matplotlib.cbook import is_math_text
+    from matplotlib.mathtext import MathTextParser
+
+    if is_math_text(text):
+        try:
+            MathTextParser("path").parse(text)
+        except (ValueError, RecursionError):
+            said = "holds, between dollar signs, no formula that can be drawn"
+            raise InputError(place, f"{shown(text)} {said}") from None
+
+
+_Drawn = Annotated[str, checked(_check_drawn)]
+
+
 class Titled(_Branch):
     """A scenario or a design."""
 
-    title: str
+    title: _Drawn
 
 
 class ObserverBranch(_Branch):
     """An observer."""
 
     algorithm: str
-    label: str
+    label: _Drawn
     design: str | None = None
 
 
 class SearchBranch(_Branch):
     """A search for values."""
 
-    title: str
+    title: _Drawn
     scenario: str
     observers: list[str]
 
@@ -202,7 +220,7 @@ class StudyBranch(SearchBranch):
 class TableBranch(_Branch):
     """A table of the paper."""
 
-    title: str
+    title: _Drawn
     source: str
     design: str
 
@@ -210,7 +228,7 @@ class TableBranch(_Branch):
 class FigureBranch(_Branch):
     """A figure of the paper."""
 
-    title: str
+    title: _Drawn
     source: str
     layout: str
     scenario: str
@@ -222,7 +240,7 @@ class About(Model):
     """The paper itself, and the Python package with its plant, observers, metrics and plots."""
 
     package: Annotated[Text, dotted]
-    title: str
+    title: _Drawn
     authors: list[str]
     year: int | None = None
     doi: str | None = None
