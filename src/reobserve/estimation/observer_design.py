@@ -261,20 +261,21 @@ class Design(ABC):
             try:
                 self._run()
             except DivergenceError as error:
-                raise InputError(self._why(error), f"cannot be run: {error}") from None
+                raise InputError(self._why(), f"cannot be run: {error}") from None
 
     def _run(self) -> None:
         test_run(self.observer, self.start(), (self.widths[0][0], self.widths[1][0]))
 
-    def _why(self, error: DivergenceError) -> str:
-        """The key of a start without which a design does not diverge, or that of all else."""
-        for key in ("initial_state", "initial_covariance"):
+    def _why(self) -> str:
+        """The key with which a design diverges: a start that is not zero, a period that is long."""
+        for key, other in (("initial_state", 0), ("initial_covariance", 0), ("sampling_period", 1)):
             given = getattr(self.system, key, None)
             if given is not None:
+                trial = 1e-6 * other + 0.0 * np.array(given)
                 with suppress(ReobserveError):
-                    replace(self, system=replace(self.system, **{key: 0.0 * np.array(given)}))._run()
+                    replace(self, system=replace(self.system, **{key: trial}))._run()
                     return key
-        return "sampling_period" if "a step of" in str(error) else "model"
+        return "model"
 
     def checked(self) -> Design:
         """The design, if its certificate is the one of its system and gains, and it can start.

@@ -1,0 +1,130 @@
+"""Designs: one-key changes of the examples are refused by a key, or run and pass their test in C."""
+
+from __future__ import annotations
+
+import copy
+import re
+import shutil
+import subprocess
+import tempfile
+import warnings
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from reobserve.codegen import c_test
+from reobserve.core.documents import Tree, parse_yaml
+from reobserve.core.errors import InputError
+from reobserve.estimation.export_command import exported
+from reobserve.estimation.families import FAMILIES, family
+from reobserve.estimation.families.file import load_design, save_design
+
+from . import fewer
+
+STARTS = ("sampling_period", "initial_state", "initial_covariance")
+QUICK = ("extended-kalman", "normal-form", "luenberger")
+Path_ = tuple[str | int, ...]
+
+
+@cache
+def model(kind: str) -> Tree:
+    return parse_yaml(family(kind).example, kind)
+
+
+def numbers(part: Any, path: Path_ = ()) -> Iterator[tuple[Path_, float]]:
+    """All numbers of a model and where they stand."""
+    if isinstance(part, dict | list):
+        for key, inner in part.items() if isinstance(part, dict) else enumerate(part):
+            yield from numbers(inner, (*path, key))
+    elif isinstance(part, int | float) and not isinstance(part, bool):
+        yield path, part
+
+
+def changed(tree: Tree, path: Path_, value: Any) -> Tree:
+    """The tree with another number at a place; or with one entry more there, of a list, or less."""
+    tree = copy.deepcopy(tree)
+    part: Any = tree
+    for key in path[:-1]:
+        part = part[key]
+    if value == "more" and isinstance(part, list):
+        part.append(part[-1])
+    elif value == "less":
+        del part[path[-1]]
+    else:
+        part[path[-1]] = value
+    return tree
+
+
+@st.composite
+def changes(draw: st.DrawFn, kinds: tuple[str, ...]) -> tuple[str, Path_, Any]:
+    kind = draw(st.sampled_from(kinds))
+    found = list(numbers(model(kind)))
+    starts = [one for one in found if one[0][0] in STARTS]
+    path, value = draw(st.sampled_from(starts) | st.sampled_from(found))
+    new = (
+        st.sampled_from([0, 1, 3, -value, 1e150, -1e150, 1e-300, 1e308, 5e-324, "more", "less"])
+        | st.integers(-9, 9).map(lambda power: value * 10.0**power)
+        | st.floats(1e-3, 1e3).map(lambda factor: value * factor)
+        | st.integers(-3, 300)
+    )
+    return kind, path, draw(new)
+
+
+def check(kind: str, path: Path_, value: Any) -> bool:
+    """Design, load, export and test it: True if it is certified, False if a key is refused."""
+    tree = changed(model(kind), path, value)
+    with tempfile.TemporaryDirectory() as scratch, warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)  # numpy's
+        folder = Path(scratch)
+        try:
+            with family(kind).keyed():
+                save_design(folder / "d.json", family(kind).designed(tree))
+        except InputError as error:
+            assert "\n" not in str(error)
+            assert len(str(error)) < 600
+            named = {re.sub(r"^gains\.|[.\[].*", "", key) for key in error.parameter.split(", ")}
+            assert named <= {*model(kind), *model(kind).get("gains", {}), *OWN}, error
+            return False
+        for name, text in exported(load_design(folder / "d.json"), "d").items():
+            (folder / name).write_text(text, encoding="utf-8")
+        if shutil.which("cc"):
+            subprocess.run(c_test.COMPILE.format(name="d").split(), check=True, cwd=folder)
+            done = subprocess.run("./a.out", check=False, cwd=folder, capture_output=True, text=True)
+            assert done.returncode == 0, done.stdout
+    return True
+
+
+# Of the model as a whole, of gains, of what a certificate or a solver found.
+OWN = ("model", "gains", "certificate", "solver")
+
+
+@given(changes(QUICK))
+@example(("normal-form", ("sampling_period",), 3))
+@example(("extended-kalman", ("sampling_period",), 100))
+@example(("normal-form", ("initial_state", 0), 1e150))
+@fewer(4)
+def test_changed_example_is_refused_or_exported(change: tuple[str, Path_, Any]) -> None:
+    check(*change)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_starts_and_periods_of_all_examples_are_refused_or_exported(kind: str) -> None:
+    assert check(kind, *next(numbers(model(kind))))
+    for path, value in numbers(model(kind)):
+        if path[0] in STARTS:
+            for new in (1e150, -1e150, 3, 100, 1e-300, 10 * value, 0.1 * value, 0):
+                check(kind, path, new)
+
+
+@pytest.mark.nightly
+@given(changes(tuple(FAMILIES)))
+def test_changed_examples_of_all_kinds_are_refused_or_exported(
+    change: tuple[str, Path_, Any],
+) -> None:
+    check(*change)
