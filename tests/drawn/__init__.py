@@ -6,9 +6,10 @@
 
 from __future__ import annotations
 
-from hypothesis import settings
+from hypothesis import Phase, settings
 
 
 def fewer(divisor: int) -> settings:
     """Settings with a part of the examples of the profile, at least one, where each is long."""
-    return settings(max_examples=max(1, settings().max_examples // divisor))
+    phases = [Phase.explicit, Phase.generate]
+    return settings(max_examples=max(1, settings().max_examples // divisor), phases=phases)

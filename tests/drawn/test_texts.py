@@ -9,14 +9,12 @@ from __future__ import annotations
 import ast
 import ctypes
 import math
-import re
 import shutil
 import signal
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import reduce
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -33,7 +31,7 @@ from reobserve.codegen.programs.right_hand_sides import expression
 from reobserve.core.errors import InputError
 from reobserve.core.vector_field import VECTOR_FIELD
 from reobserve.observers.normal_form import normal_form_observer
-from reobserve.polynomials.grammar import ANALYTIC, FUNCTIONS
+from reobserve.polynomials.grammar import FUNCTIONS
 from reobserve.systems.nonlinear_text import Names, text_jacobian, text_rows
 
 from . import fewer
@@ -108,7 +106,8 @@ def angle(y: Any, x: Any) -> Any:
     return mpmath.atan2(y, x)
 
 
-CALLS = {name: getattr(mpmath, name, None) for name in FUNCTIONS} | {"abs": absolute, "atan2": angle}
+CALLS = {name: getattr(mpmath, name, None) for name in FUNCTIONS}
+CALLS |= {"abs": absolute, "atan2": angle}
 
 
 def dual(part: ast.expr, point: dict[str, Dual]) -> Dual:
@@ -143,7 +142,7 @@ def wanted(text: str, point: Sequence[float], bits: int) -> Any:
         a, w = map(mpmath.mpf, point)
         one, zero = mpmath.mpf(1), mpmath.mpf(0)
         names = {"a": (a, one, zero), "w": (w, zero, one)}
-        names |= {name: (+value, zero, zero) for name, value in (("pi", mpmath.pi), ("E", mpmath.e))}
+        names |= {"pi": (+mpmath.pi, zero, zero), "E": (+mpmath.e, zero, zero)}
         try:
             return np.array(dual(ast.parse(text.replace("^", "**"), mode="eval").body, names))
         except (UndefinedError, ArithmeticError, ValueError, TypeError):
@@ -152,14 +151,16 @@ def wanted(text: str, point: Sequence[float], bits: int) -> Any:
 
 def rows_of(text: str) -> tuple[str, ...] | None:
     """The code of a text and of its derivatives, or None where it is refused."""
+    said = ""
     with bounded_time():
         try:
             return (*text_rows("f", [text], (1,), NAMES), *text_jacobian("f", (text,), NAMES))
         except InputError as error:
-            assert str(error).startswith(("f[0]: ", "d f[0] / d ")), error
-            assert "\n" not in str(error)
-            assert len(str(error)) < 400
-            return None
+            said = str(error)
+    assert said.startswith(("f[0]: ", "d f[0] / d ")), said
+    assert "\n" not in said
+    assert len(said) < 400
+    return None
 
 
 def in_python(rows: Sequence[str]) -> Any:
@@ -189,11 +190,13 @@ def by_numba(rows: Sequence[str]) -> Any:
 
 def in_c(rows: Sequence[str]) -> Any:
     x = Name("x", (2,))
-    body = "".join(f"    out[{i}] = {expression(row, x).inside(())};\n" for i, row in enumerate(rows))
+    codes = [expression(row, x).inside(()) for row in rows]
+    body = "".join(f"    out[{i}] = {code};\n" for i, code in enumerate(codes))
     found = np.empty((len(POINTS), len(rows)))
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "f.c").write_text(
-            f"#include <math.h>\nvoid f(const double *x, double *out) {{\n{body}}}\n"
+            f"#include <math.h>\nvoid f(const double *x, double *out) {{\n{body}}}\n",
+            encoding="utf-8",
         )
         flags = ["-std=c99", "-O0", "-Wall", "-Werror", "-shared", "-fPIC", "-o", "f.so"]
         subprocess.run(["cc", *flags, "f.c", "-lm"], check=True, cwd=folder)
@@ -210,7 +213,8 @@ def check(texts: Sequence[str], *ways: str) -> int:
     """Compare the texts that are accepted by the named ways; their number."""
     read = {text: rows for text in texts if (rows := rows_of(text)) is not None}
     rows = [row for group in read.values() for row in group]
-    found = {way: WAYS[way](rows).reshape(len(POINTS), -1, 3) for way in ways if way in WAYS and rows}
+    shape = (len(POINTS), len(read), 3)
+    found = {way: WAYS[way](rows).reshape(shape) for way in ways if rows}
     for k, point in enumerate(POINTS):
         for i, text in enumerate(read):
             exact, *rough = (wanted(text, point, bits) for bits in (200, 42, 40))

@@ -84,7 +84,8 @@ class Design(ABC):
     def keyed(cls) -> Iterator[None]:
         """Let an `InputError` of an observer's parameter name the key that states it."""
         try:
-            yield
+            with np.errstate(all="ignore"):  # of what is refused, or found not to be finite
+                yield
         except InputError as error:
             name = re.match(r"\w*", error.parameter)[0]  # type: ignore[index]
             rest = error.parameter[len(name) :]

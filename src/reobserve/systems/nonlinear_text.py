@@ -95,10 +95,8 @@ def _derivative(place: str, expression: Any, x: Any) -> Any:
     """The derivative by a symbol."""
     import sympy
 
-    if x not in expression.free_symbols:
-        return sympy.S.Zero
-    if expression == x:
-        return sympy.S.One
+    if not expression.args or x not in expression.free_symbols:
+        return sympy.Integer(expression == x)
     parts = expression.args
     slopes = [_derivative(place, part, x) for part in parts]
     if expression.is_Add:

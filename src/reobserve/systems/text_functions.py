@@ -89,7 +89,8 @@ _WRITTEN = {
     "sign": "(1.0*({0} > 0.0) - 1.0*({0} < 0.0))",
     "sinc": "(math.sin({0})/({0}) if {0} != 0.0 else 1.0)",
     # (cos(u) - sin(u) / u) / u = -u / 3 + u^3 / 30 - ..., as the difference cancels
-    "sinc_slope": "((math.cos({0}) - math.sin({0})/({0}))/({0}) if abs({0}) > 1e-4 else ({0})/-3.0)",
+    "sinc_slope": "((math.cos({0}) - math.sin({0})/({0}))/({0}) if abs({0}) > 1e-4 "
+    "else ({0})/-3.0)",
 }  # fmt: skip
 
 

@@ -15,7 +15,6 @@ from reobserve.codegen.record import test_run as run_record
 from reobserve.core.errors import InputError
 from reobserve.estimation.families.program import program_of
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.systems.triangular_text import triangular_model
 from tests.reobserve.codegen import cases
 from tests.reobserve.codegen.cases import NAMES, columns_of, observer_of
 from tests.reobserve.observers.small_plants import pendulum

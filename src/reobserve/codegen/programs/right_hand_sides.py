@@ -50,10 +50,9 @@ def expression(code: str, x: Name | Entry) -> Expression:
 
 
 def _made(part: ast.expr, entry: Entry) -> Expression:
-    if isinstance(part, ast.Constant):
-        return Number(float(part.value))  # type: ignore[arg-type]
-    if isinstance(part, ast.Attribute):
-        return Number(float(getattr(math, part.attr)))
+    if isinstance(part, ast.Constant | ast.Attribute):
+        value: Any = part.value if isinstance(part, ast.Constant) else getattr(math, part.attr)
+        return Number(float(value))
     if isinstance(part, ast.Subscript):
         assert isinstance(part.value, ast.Name)
         return entry(part.value.id, int(ast.literal_eval(part.slice)))
