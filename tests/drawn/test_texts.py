@@ -23,7 +23,7 @@ import mpmath
 import numba
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from reobserve.codegen.expressions import Name
@@ -253,22 +253,22 @@ nested = st.builds("{}({}({}(a)))".format, *[st.sampled_from(ONES)] * 3)
 
 @pytest.mark.parametrize("way", WAYS)
 def test_all_pairs_of_functions_have_their_values(way: str) -> None:
-    few = slice(None, None, 1 if way == "python" else 7)
     pairs = [f"{outer}({inner}(a))" for outer, inner in product(ONES, ONES)]
-    assert check(pairs[few], way) == len(pairs[few])
+    some = pairs[:: 1 if settings().max_examples >= 100 else 17]
+    assert check(some, way) == len(some)
 
 
-@given(st.lists(nested, min_size=8, max_size=8))
+@given(st.lists(nested, min_size=4, max_size=4))
 @example(["sech(cos(a))", "coth(sin(a))", "cot(tanh(a))", "sinc(csch(a))"])
 @fewer(4)
 def test_triples_of_functions_have_their_values(texts: list[str]) -> None:
-    assert check(texts, *WAYS) == len(texts)
+    assert check(texts, *WAYS) == len(set(texts))
 
 
 @given(st.lists(grown, min_size=6, max_size=6))
 @example(["sin(cosh((w + pi)**-40))", "cos(tanh((a + w + 1)**200))", "cosh((sqrt(w) + pi)**-40)"])
 @example(["asin(sin((pi + E + sqrt(2) + log(2) + log(3))**90))*a", "(-1)**w", "2**a", "a**-w"])
-@fewer(2)
+@fewer(3)
 def test_texts_are_refused_or_have_their_values(texts: list[str]) -> None:
     check(texts, *WAYS)
 

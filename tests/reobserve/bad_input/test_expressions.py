@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError
 from reobserve.observers.normal_form import normal_form_observer
-from reobserve.polynomials.grammar import ANALYTIC
 
-from .odd import values, words
+from .odd import values
 from .outcome import is_accepted
 
 HOSTILE = [
@@ -29,25 +28,10 @@ HOSTILE = [
     "α", "a\u0301", "\u202ea", "0x10*a", "1_0*a", "1j*a", "0b1*a", "True*a", "None", "a:=w", "*a",
     "tan(1.5707963267948966+a)", "erf(a)", "sinc(a)", "1e308*a*10", "a%w", "a//w", "a<<1", "S(1)*a",
 ]  # fmt: skip
-ATOMS = [
-    "a", "w", "1", "0", "-2", "0.1", "1e-3", "3/2", "pi", "b", "1e30", "a**2", "w**3", "0.0",
-    "1e308", "1e-308", "(1/0)", "log(0)", "pi/2", "(a+1)",
-]  # fmt: skip
-FUNCTIONS = [*ANALYTIC, "sqrt", "Abs", "gamma", "f"]
 VALID: dict[str, Any] = {
     "dynamics": ["w", "-sin(a) - w/10"], "output": ["a"], "variables": ["a", "w"], "order": 2,
     "sampling_period": 0.01, "poles": [-1.5, -2], "expanded": 3,
 }  # fmt: skip
-
-grown = st.recursive(
-    st.sampled_from(ATOMS),
-    lambda part: (
-        st.builds("{}({})".format, st.sampled_from(FUNCTIONS), part)
-        | st.builds("({}{}{})".format, part, st.sampled_from("+-*/"), part)
-        | st.builds("({})**{}".format, part, st.sampled_from(["2", "3", "-1", "0.5", "a", "40"]))
-    ),
-    max_leaves=8,
-)
 
 
 def accepts(**changes: Any) -> bool:
@@ -70,15 +54,6 @@ def test_expressions_that_sympy_cannot_compute_are_refused(text: str) -> None:
 def test_constant_without_a_value_is_refused_as_coefficient(text: str) -> None:
     with pytest.raises(InputError, match=r"^dynamics\[1\]: .* has no Taylor series at the origin"):
         normal_form_observer(**{**VALID, "dynamics": ["w", text]})
-
-
-@given(grown, st.none() | words, st.integers(0, 40))
-def test_generated_expressions_are_accepted_or_refused(
-    text: str, piece: str | None, at: int
-) -> None:
-    assert accepts()
-    broken = text if piece is None else text[:at] + piece[:50] + text[at:]
-    accepts(dynamics=["w", f"-sin(a) - w/10 + a**2*({broken})"])
 
 
 ODD = [

@@ -77,7 +77,8 @@ def _joined(sign: ast.operator, left: Expression, right: Expression) -> Expressi
         if isinstance(left, Name) and power in range(2, _WRITTEN_OUT + 1):
             return _power(left, int(power))
         return call("pow", left, right)
-    if isinstance(left, Number) and isinstance(right, Number):
+    compared = isinstance(sign, ast.cmpop)
+    if isinstance(left, Number) and isinstance(right, Number) and not compared:
         return Number(_SIGNS[type(sign)](left.value, right.value))
     if isinstance(sign, ast.Mult):  # in the order in which it is written
         negative = isinstance(left, Number) and left.value < 0
