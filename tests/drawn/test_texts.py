@@ -25,6 +25,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from reobserve.codegen.expressions import Name
 from reobserve.codegen.programs.right_hand_sides import expression
@@ -33,6 +35,7 @@ from reobserve.core.vector_field import VECTOR_FIELD
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.polynomials.grammar import FUNCTIONS
 from reobserve.systems.nonlinear_text import Names, text_jacobian, text_rows
+from reobserve_papers.parameters.parameter_file import Titled, parse_file
 
 from . import fewer
 
@@ -282,3 +285,20 @@ def test_texts_are_expanded_or_refused_in_bounded_time(text: str) -> None:
             ["w", f"-sin(a) - w/10 + a*({text})"], ["a"], ["a", "w"], order=2, expanded=3,
             sampling_period=0.01, poles=[-1.5, -2],
         )  # fmt: skip
+
+
+@given(st.text(st.sampled_from("$_^{}x \\"), max_size=12))
+@example("$x_$")
+@example("$\\frac{$")
+@example("$" + "{" * 500 + "$")
+@example("$x_1$ and $5")
+def test_labels_are_drawn_or_refused(text: str) -> None:
+    branch = {"title": text}
+    try:
+        parse_file(Titled, branch, "scenarios", "own")
+    except InputError as error:
+        assert error.parameter == "scenarios.own.title"  # noqa: PT017
+        return
+    figure = Figure()
+    figure.text(0.5, 0.5, text)
+    FigureCanvasAgg(figure).draw()

@@ -48,7 +48,7 @@ def functions() -> dict[str, Any]:
     """
     import sympy
 
-    class Function(sympy.Function):  # type: ignore[misc]
+    class NamedFunction(sympy.Function):  # type: ignore[misc]
         """Evaluated as sympy's own where that is done at once."""
 
         @classmethod
@@ -69,7 +69,7 @@ def functions() -> dict[str, Any]:
             return all(argument.is_extended_real for argument in self.args) or None
 
     names = [*FUNCTIONS.values(), "sign", "sinc_slope"]
-    made = {name: type(name, (Function,), {}) for name in names}
+    made = {name: type(name, (NamedFunction,), {}) for name in names}
     # Powers of E are exponentials of sympy; roots are powers.
     return made | {"abs": made["Abs"], "exp": sympy.exp, "sqrt": sympy.sqrt}
 

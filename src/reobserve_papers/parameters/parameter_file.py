@@ -171,18 +171,11 @@ class _Branch(BaseModel):
 
 
 def _check_drawn(place: str, text: str) -> None:
-    """Refuse text that cannot be drawn: with formulas of matplotlib's that are none."""
-    if "$" not in text:
-        return
-    from matplotlib.cbook import is_math_text
-    from matplotlib.mathtext import MathTextParser
+    """Refuse text with formulas that cannot be drawn."""
+    if "$" in text:
+        from reobserve_papers.plotting.formats import check_formulas
 
-    if is_math_text(text):
-        try:
-            MathTextParser("path").parse(text)
-        except (ValueError, RecursionError):
-            said = "holds, between dollar signs, no formula that can be drawn"
-            raise InputError(place, f"{shown(text)} {said}") from None
+        check_formulas(place, text)
 
 
 _Drawn = Annotated[str, checked(_check_drawn)]

@@ -89,6 +89,7 @@ class IloDesign(BodyDesign):
     gains: LearningGains
 
     example: ClassVar[str] = EXAMPLE
+    keys: ClassVar = {"frequencies": "expected"}
     programs: ClassVar = {SampledILO: "rigid_body:sampled", ILO: "rigid_body:continuous"}
     records: ClassVar = {
         f"ilo-{variant}": Example("satellite", _RECORD.format(variant, about, body=BODY, K1=K1),
