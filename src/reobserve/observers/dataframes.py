@@ -122,9 +122,8 @@ def as_seconds(name: str, time: Any) -> Any:
 
 
 def _kind(value: Any) -> str:
-    dtype = getattr(value, "dtype", None)
-    kind: str = getattr(dtype, "kind", "-")
-    return kind
+    kind = getattr(getattr(value, "dtype", None), "kind", None)
+    return kind if isinstance(kind, str) else "-"
 
 
 def _arranged_pair(observer: Any, name: str, pair: Any, row: bool = False) -> Any:

@@ -545,7 +545,7 @@ def normal_form_observer(
     for name, value in (("variables", variables), ("inputs", inputs)):
         if not isinstance(value, list | tuple):
             raise InputError(name, f"{shown(value)} must be a list")
-    driven = len(inputs) > 0
+    driven, gain = len(inputs) > 0, as_word("gain", gain, GAINS)
     # What inputs must not do shows one degree above what the observer needs.
     least = order + 1 + driven
     highest = max(least, 0 if degree is None else as_whole("degree", degree, 0))

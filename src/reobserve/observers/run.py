@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -210,7 +210,7 @@ class Run(Generic[StateKind]):
         return pd.DataFrame(columns, index=index)
 
     def plot(
-        self, names: Iterable[str] | None = None, known: Mapping[str, ArrayLike] | None = None
+        self, names: Sequence[str] | None = None, known: Mapping[str, ArrayLike] | None = None
     ) -> Any:
         """A matplotlib figure of the estimates ``names`` over time, one panel each, by `run_plot`.
 
@@ -227,7 +227,7 @@ class Run(Generic[StateKind]):
         self._refuse_many()
         from reobserve.observers.run_plot import plot
 
-        return plot(self, list(self.estimates if names is None else names), known or {})
+        return plot(self, names, {} if known is None else known)
 
     def diagnostics(self) -> Diagnostics:
         """Signs against the model in the innovations and covariances of a Gaussian filter.

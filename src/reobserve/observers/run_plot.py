@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.extras import package
 from reobserve.core.matrices import as_numbers
 from reobserve.observers.run import Run
+from reobserve.systems.signal_names import as_names
 
 Array = NDArray[np.float64]
 
@@ -19,8 +21,10 @@ _MAX_LINES = 12  # in one panel: more cannot be distinguished
 _MAX_ROWS = 8  # in a column of the legend
 
 
-def plot(run: Run[Any], names: list[str], known: Mapping[str, ArrayLike]) -> Any:
+def plot(run: Run[Any], names: Sequence[str] | None, known: Mapping[str, ArrayLike]) -> Any:
     """A figure with a panel for each name that has components, these as lines (see `Run.plot`)."""
+    names = as_names("names", names) or tuple(run)
+    known = as_kind("known", known, Mapping)  # type: ignore[type-abstract]
     true = {name: _as_true(run, name, value) for name, value in known.items()}
     values = {name: run[name].reshape(len(run), -1) for name in names if run[name].size}
     labels = {

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError, nearest, shown
-from reobserve.core.matrices import as_positive
+from reobserve.core.matrices import as_floats, as_numbers, as_positive
 
 Array = NDArray[np.float64]
 _WHOLE = 1e-9
@@ -93,13 +93,20 @@ def wrapped(values: ArrayLike, periods: ArrayLike) -> Array:
     periods
         Shape (n,), or one number; zero where there is none.
 
+    Raises
+    ------
+    InputError
+        If they are no numbers, or the periods have another shape or are not finite.
+
     Examples
     --------
     >>> from reobserve.systems.periods import wrapped
     >>> print(wrapped([350.0, -200.0, 10.0], 360.0))
     [-10. 160.  10.]
     """
-    angles, period = np.asarray(values, dtype=np.float64), np.asarray(periods, dtype=np.float64)
-    with np.errstate(invalid="ignore"):
+    angles, period = as_numbers("values", values, writable=False), as_floats("periods", periods)
+    if period.shape not in ((), angles.shape[-1:]):
+        raise InputError("periods", f"has shape {period.shape}, must be (), or that of a value")
+    with np.errstate(invalid="ignore", over="ignore"):
         turns = np.floor(angles / np.where(period > 0, period, np.inf) + 0.5)
     return np.asarray(angles - period * np.nan_to_num(turns, posinf=0.0, neginf=0.0))
