@@ -1,15 +1,10 @@
-"""The largest and smallest numbers in each argument give a finite result or a refusal.
-
-Never another exception, and no numpy warning before a refusal.
-"""
+"""The largest and smallest numbers in designs give a finite result or a refusal, and no warning."""
 
 from __future__ import annotations
 
 import contextlib
-import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,71 +13,12 @@ from reobserve import normal_form_observer
 from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
 from reobserve.observers.fixed_gain import luenberger
+from reobserve.synthesis.high_gain_design import high_gain_over_time
+from reobserve.synthesis.ilo_certificate import certify
 from reobserve.synthesis.linear_gain import place as place_poles
-from tests.reobserve.library.calls import Call, calls
+from reobserve.synthesis.linear_gain import steady_kalman_gain, unobservable_modes
+from reobserve.systems.linear import LinearModel
 from tests.reobserve.library.calls.models import linear_model
-
-from .test_arguments import is_numeric
-
-EXTREMES = (1e150, 5e299, 1e308, -1e308, 1e-300, 5e-324)
-# Designs by matrix inequalities take a second each; their parts are tested among the others.
-SLOW = ("extended_state.pi.", "extended_state.pd_pi.")
-# Which may diverge.
-ROWS = (".run", ".step", ".predict", ".correct", "rts_smoother", "simulate", "Gaussian")
-NAMES = [
-    name
-    for name in calls()
-    if name.startswith(
-        ("core.discretisation.", "systems.", "synthesis.", "detection.", "observers.")
-    )
-    and not any(part in name for part in (*SLOW, *ROWS))
-]
-
-
-def replaced(valid: Any) -> Iterator[Any]:
-    """The valid argument with one entry, all or every other, replaced by extreme numbers."""
-    array = np.asarray(valid, dtype=None if np.iscomplexobj(valid) else np.float64)
-    for extreme in EXTREMES:
-        one = array.copy()
-        one.flat[0] = extreme
-        yield from (one, np.full_like(array, extreme)) if array.ndim else [extreme]
-    if array.ndim:
-        yield np.resize(np.array([1e150, 1e-300], array.dtype), array.shape)
-
-
-def not_finite(found: Any, place: str = "") -> Iterator[str]:
-    """Where a result has numbers that are not finite."""
-    if isinstance(found, float | complex | np.ndarray) and np.asarray(found).dtype != object:
-        if np.asarray(found).dtype.kind in "fc" and not np.isfinite(found).all():
-            yield place
-    elif isinstance(found, list | tuple | np.ndarray):
-        for k, part in enumerate(found):
-            yield from not_finite(part, f"{place}[{k}]")
-    elif isinstance(found, Mapping):
-        for name, part in found.items():
-            yield from not_finite(part, f"{place}.{name}")
-    elif type(found).__module__.startswith("reobserve."):
-        yield from not_finite(vars(found), place)
-
-
-def check_extremes(call: Call) -> None:
-    """Make a call with each extreme number in the place of each number."""
-    usual = set(not_finite(call.function(*call.arguments)))
-    for place, valid in enumerate(call.arguments):
-        for argument in replaced(valid) if is_numeric(valid) else ():
-            arguments = (*call.arguments[:place], argument, *call.arguments[place + 1 :])
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                with contextlib.suppress(InputError):
-                    found = call.function(*arguments)
-                    if not call.name.startswith("detection."):  # infinite statistics raise alarms
-                        assert set(not_finite(found)) <= usual, arguments
-
-
-@pytest.mark.nightly_cases("detection.detectors.cusum_of_mean")
-@pytest.mark.parametrize("name", NAMES)
-def test_extreme_numbers_give_a_finite_result_or_one_sentence(name: str) -> None:
-    check_extremes(calls()[name])
 
 
 @pytest.mark.filterwarnings("error")
@@ -154,3 +90,28 @@ def test_non_finite_results_are_refused_naming_the_argument() -> None:
         with pytest.raises(InputError, match=r"^x: must keep results inside"):
             finite("x")(function)(argument)
     assert finite("x")(lambda x: x + 1)(2.0) == 3.0
+
+
+HUGE = [[1e308, 1e308], [1e308, 1e308]]
+STIFF = LinearModel([[1e300, 1.0], [0.0, 1e-300]], [[0.0], [1.0]], [[1.0, 0.0]], Q=1e-4, R=1e-2)
+REFUSED: dict[str, Callable[[], object]] = {
+    "poles: far from the eigenvalues": lambda: luenberger(linear_model(), [1e150, 2e150]),
+    "poles: near the largest number": lambda: luenberger(linear_model(), [5e299, 6e299]),
+    "poles: of both signs": lambda: luenberger(linear_model(), [1e308, -1e308]),
+    "A, C: of huge matrices": lambda: unobservable_modes(HUGE, [[1.0, 0.0]]),
+    "A, C: of huge matrices, placed": lambda: place_poles(HUGE, [[1.0, 0.0]], [0.5, 0.6]),
+    "model: of eigenvalues far apart": lambda: steady_kalman_gain(STIFF),
+    "rho: so small that S is singular": lambda: high_gain_over_time(2, 1e-300, 1.0, [0.0]),
+    "size: whose factorial is no number": lambda: high_gain_over_time(200, 1.0, 1.0, [0.0]),
+    "observer_gain: huge": lambda: certify(1e308, np.eye(3), 0.5, 50.0, 0.01),
+    "observer_gain: huge, full": lambda: certify(
+        np.full((3, 3), 1e308), np.eye(3), 0.5, 50.0, 0.01
+    ),
+}
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("case", REFUSED)
+def test_values_that_once_raised_other_errors_are_refused(case: str) -> None:
+    with pytest.raises(InputError, match=f"^{case.partition(':')[0]}: "):
+        REFUSED[case]()

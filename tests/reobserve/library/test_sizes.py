@@ -24,7 +24,6 @@ from hypothesis import strategies as st
 from reobserve import (
     KalmanFilter,
     LinearModel,
-    normal_form_observer,
     rts_smoother,
     tune,
 )
@@ -32,10 +31,8 @@ from reobserve.core.arguments import MOST_COUNTED, as_poles
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.matrices import as_floats, as_numbers, as_samples
 from tests.reobserve.bad_input.outcome import limited_memory
-from tests.reobserve.bad_input.test_arguments import is_numeric
 
 from .calls import calls
-from .calls.models import VAN_DER_POL
 from .test_docstrings import PUBLIC
 from .test_wrong_kinds import parameters
 
@@ -46,16 +43,9 @@ MANY = KALMAN.run(np.zeros((2, 5, 1)), start=KALMAN.init([0], 1))
 
 # Whole numbers that the calls of `calls` leave out.
 OTHERS: dict[str, Callable[[Any], object]] = {
-    "observers.smoother.rts_smoother: lag": lambda n: rts_smoother(RUN, lag=n),
-    "observers.normal_form.normal_form_observer: expanded": lambda n: normal_form_observer(
-        VAN_DER_POL, ["a"], ["a", "w"], order=1, sampling_period=0.01, poles=[-1, -2], expanded=n
-    ),
     "observers.run.Run.record: number": MANY.record,
     "systems.linear.LinearModel.by_row: rows": lambda n: KALMAN.model.by_row(
         {"Q": [[[1.0]]]}, n, {}, None
-    ),
-    "tuning.search.tune: workers": lambda n: tune(
-        lambda found: found, {"a": (1.0, 2.0)}, [0], lambda *_: 1.0, budget=1, workers=n
     ),
     "tuning.search.Tuned.after: evaluations": lambda n: tune(
         lambda found: found, {"a": (1.0, 2.0)}, [0], lambda *_: 1.0, budget=1
@@ -145,32 +135,6 @@ def test_lag_is_within_the_record(lag: int) -> None:
     else:
         with pytest.raises(InputError, match=r"^lag: .* must be a whole number, from 1 to 50$"):
             rts_smoother(RUN, lag=lag)
-
-
-def check_broadcast(name: str, rows: tuple[int, ...]) -> None:
-    """Call with arrays whose first row or column is repeated without memory of its own."""
-    call = calls()[name]
-    for at, valid in enumerate(call.arguments):
-        for axis in range(np.ndim(valid) if is_numeric(valid) else 0):
-            array = np.asarray(valid, dtype=np.float64)
-            for count in rows if array.shape[axis] else ():
-                shape = (*array.shape[:axis], count, *array.shape[axis + 1 :])
-                large = np.broadcast_to(array.take([0], axis), shape)
-                arguments = (*call.arguments[:at], large, *call.arguments[at + 1 :])
-                attempt(lambda made=arguments: call.function(*made))
-
-
-@pytest.mark.parametrize("package", sorted({name.partition(".")[0] for name in calls()}))
-def test_broadcast_arrays_are_used_or_refused(package: str) -> None:
-    for name in calls():
-        if name.startswith(package):
-            check_broadcast(name, (10**10,))
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", calls())
-def test_long_arrays_are_used_or_refused(name: str) -> None:
-    check_broadcast(name, (10**4, 10**5))
 
 
 @pytest.mark.parametrize("function", [as_numbers, as_floats])

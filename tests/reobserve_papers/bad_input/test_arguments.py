@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.reobserve.bad_input.test_arguments import check_odd_arguments
+from tests.drawn.test_calls import check_odd_arguments
 from tests.reobserve_papers.library.calls import calls
 
 

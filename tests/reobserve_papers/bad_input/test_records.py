@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.drawn.test_files import observed_record
 from tests.reobserve.bad_input.odd import changed
 from tests.reobserve.bad_input.test_records import KEY, ROWS, changed_table, written
 
 from . import valid
-from .test_files import observed_record
 
 
 def observed(paper: str, content: bytes) -> bool:

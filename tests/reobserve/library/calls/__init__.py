@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cache
 
-from . import observers, parts
+from . import examples, observers, parts
 from .call import Call
 
 __all__ = ["Call", "by_name", "calls"]
@@ -14,7 +14,7 @@ __all__ = ["Call", "by_name", "calls"]
 @cache
 def calls() -> dict[str, Call]:
     """All calls by name."""
-    return by_name([*parts.calls(), *observers.calls()])
+    return by_name([*examples.calls(), *parts.calls(), *observers.calls()])
 
 
 def by_name(every: Iterable[Call]) -> dict[str, Call]:
