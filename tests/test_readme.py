@@ -27,10 +27,13 @@ from . import FIVE
 from .published_numbers import numbers_left, squeezed
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-LIBRARY = (ROOT / "docs/pages/start/library.md").read_text(encoding="utf-8")
+LIBRARY, CALLS = (
+    (ROOT / f"docs/pages/{name}.md").read_text(encoding="utf-8")
+    for name in ("start/library", "reference/calls")
+)
 
 
-def test_python_examples_of_readme_and_library_page_run(
+def test_python_examples_of_readme_and_library_pages_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -45,10 +48,7 @@ def test_python_examples_of_readme_and_library_page_run(
     exec(compile(figure, "README.md", "exec"), replicated)
     assert replicated["result"].metrics.shape[1] == 4  # type: ignore[attr-defined]
     assert (tmp_path / "fig1.pdf").read_bytes().startswith(b"%PDF")
-    blocks = python_of(LIBRARY)
-    names: dict[str, object] = {}
-    for block in blocks:
-        exec(compile(block, "library.md", "exec"), names)
+    first, names = run_all(LIBRARY, "library.md"), run_all(CALLS, "calls.md")
     # All of J w' in the record counts as "fault" here: the first axis moves, and 1.5 of it couples.
     time, fault = names["time"], names["run"]["fault"]  # type: ignore[index]
     expected = 0.01 * np.cos(time)[:, None] * [36, 1.5, 0]  # type: ignore[operator]
@@ -61,10 +61,18 @@ def test_python_examples_of_readme_and_library_page_run(
     # It oscillates like the healthy model.
     assert names["diagnosis"]["probability"][1000:, 0].mean() > 0.9  # type: ignore[index]
     # Lost samples are filled, and no torque is found where there was none.
-    filtered, torques = names["filtered"], names["torques"]
+    filtered, torques = first["filtered"], names["torques"]
     assert filtered.missing == 10  # type: ignore[attr-defined]
     assert np.max(np.abs(filtered["state"][:, 0] - names["angle"])) < 1e-3  # type: ignore[index, operator]
     assert np.max(np.abs(torques["unknown_input"][1000:])) < 1e-2  # type: ignore[index]
+
+
+def run_all(page: str, title: str) -> dict[str, object]:
+    """The names of a page after its code."""
+    names: dict[str, object] = {}
+    for block in python_of(page):
+        exec(compile(block, title, "exec"), names)
+    return names
 
 
 def python_of(text: str) -> list[str]:
@@ -74,11 +82,12 @@ def python_of(text: str) -> list[str]:
 def test_python_examples_pass_mypy(tmp_path: Path) -> None:
     """With the strictness of the library: a type checker of the reader knows the results of
     calls."""
-    (tmp_path / "reported.py").write_text("".join(python_of(LIBRARY)), encoding="utf-8")
+    for name, page in {"library": LIBRARY, "calls": CALLS}.items():
+        (tmp_path / f"{name}.py").write_text("".join(python_of(page)), encoding="utf-8")
     strict = ("--strict", "--config-file", str(ROOT / "pyproject.toml"))
     cache = ("--cache-dir", str(ROOT / ".mypy_cache"))  # the cache of `make check` for the library
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", *strict, *cache, "reported.py"],
+        [sys.executable, "-m", "mypy", *strict, *cache, "library.py", "calls.py"],
         cwd=tmp_path, env={**os.environ, "MYPYPATH": str(ROOT / "src")},
         capture_output=True, text=True, check=False,
     )  # fmt: skip

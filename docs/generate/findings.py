@@ -22,18 +22,18 @@ _ALLOWED = ", which its samples allow:"
 _NONE_DECIDES = "no single choice decides"
 
 
-def verdicts(papers: Sequence[Paper], folder: str = "") -> str:
-    """Titles, and counts of the verdicts on claims, with links into the ``folder``."""
+def verdicts(papers: Sequence[Paper]) -> str:
+    """Titles, and counts of the verdicts on claims, with links to the pages of the papers."""
     titles = {paper.name: paper.stated for paper in papers}
     results = {paper.name: paper.result for paper in papers}
     text = f"{titles_table(titles, results)}\n{counts_table(_rows(papers))}"
-    return re.sub(r"^\| `(\w+)` \|", rf"| [`\1`]({folder}\1.md) |", text, flags=re.MULTILINE)
+    return re.sub(r"^\| `(\w+)` \|", rf"| [`\1`](\1.md) |", text, flags=re.MULTILINE)
 
 
-def what_it_is_about(papers: Sequence[Paper], folder: str = "") -> str:
-    """The papers, with links into the ``folder``."""
+def what_it_is_about(papers: Sequence[Paper]) -> str:
+    """The papers, with links to their pages."""
     listed = [
-        (f"[`{paper.name}`]({folder}{paper.name}.md)", *map(plain, (cited(about), about["title"])))
+        (f"[`{paper.name}`]({paper.name}.md)", *map(plain, (cited(about), about["title"])))
         for paper, about in ((paper, paper.about) for paper in papers)
     ]
     return table(("paper", "by", "title"), listed)

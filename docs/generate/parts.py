@@ -47,9 +47,7 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
     }
     return {
         "verdicts": lambda: findings.verdicts(papers),
-        "verdicts on the start page": lambda: findings.verdicts(papers, "findings/"),
         "papers": lambda: findings.what_it_is_about(papers),
-        "papers on the start page": lambda: findings.what_it_is_about(papers, "findings/"),
         "citations": lambda: findings.citations(root, papers),
         "abilities": abilities,
         "public names": lambda: api.public_names(library),

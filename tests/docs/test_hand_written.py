@@ -22,7 +22,8 @@ WIDEST = 88  # characters of a code line, beyond which a desktop scrolls
 PROGRAMS = {"reobserve": library, "reobserve-papers": papers}
 # Those of the library, without the papers.
 LIBRARY = (
-    "start/library.md", "start/coming-from.md", "tutorials/recorded-data.md",
+    "start/library.md", "start/coming-from.md", "reference/calls.md",
+    "tutorials/recorded-data.md",
     "how-to/recorded-data.md", "how-to/tune-on-a-log.md", "how-to/export-to-c.md",
     "how-to/add-an-observer.md", "explanation/proved-and-computed.md",
 )  # fmt: skip

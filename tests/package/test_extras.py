@@ -19,9 +19,12 @@ from tests import ROOT
 
 DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 OPTIONAL = DECLARED["optional-dependencies"]
-README, LIBRARY, PAGE = (
+README, LIBRARY, CALLS, PAGE = (
     (ROOT / name).read_text(encoding="utf-8")
-    for name in ("README.md", "docs/pages/start/library.md", "docs/pages/start/installation.md")
+    for name in (
+        "README.md", "docs/pages/start/library.md", "docs/pages/reference/calls.md",
+        "docs/pages/start/installation.md",
+    )
 )
 
 # Import names that differ from the package name.
@@ -89,9 +92,11 @@ def test_extra_brings_what_its_program_takes(extra: str, tmp_path: Path) -> None
     run_with("" if extra == "core" else extra, program, tmp_path)
 
 
-@pytest.mark.nightly_cases("page")
+@pytest.mark.nightly_cases("library", "calls")
 @pytest.mark.parametrize(
-    ("text", "blocks"), [(README, slice(1, 2)), (LIBRARY, slice(None))], ids=["README", "page"]
+    ("text", "blocks"),
+    [(README, slice(1, 2)), (LIBRARY, slice(None)), (CALLS, slice(None))],
+    ids=["README", "library", "calls"],
 )
 def test_page_names_the_extras_that_its_code_takes(
     text: str, blocks: slice, tmp_path: Path
@@ -136,9 +141,7 @@ def test_table_of_extras_is_that_of_the_declaration() -> None:
     }
 
 
-@pytest.mark.parametrize("page", ["README.md", *(f"docs/pages/{name}.md" for name in (
-    "index", "start/two-commands", "start/installation",
-))])  # fmt: skip
+@pytest.mark.parametrize("page", ["README.md", "docs/pages/start/installation.md"])
 def test_pages_name_the_platforms_that_the_workflow_names(page: str) -> None:
     text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
     assert f"The workflow {PLATFORMS}" in text
