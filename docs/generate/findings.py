@@ -27,7 +27,7 @@ def verdicts(papers: Sequence[Paper]) -> str:
     titles = {paper.name: paper.stated for paper in papers}
     results = {paper.name: paper.result for paper in papers}
     text = f"{titles_table(titles, results)}\n{counts_table(_rows(papers))}"
-    return re.sub(r"^\| `(\w+)` \|", rf"| [`\1`](\1.md) |", text, flags=re.MULTILINE)
+    return re.sub(r"^\| `(\w+)` \|", r"| [`\1`](\1.md) |", text, flags=re.MULTILINE)
 
 
 def what_it_is_about(papers: Sequence[Paper]) -> str:

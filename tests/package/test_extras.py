@@ -22,7 +22,9 @@ OPTIONAL = DECLARED["optional-dependencies"]
 README, LIBRARY, CALLS, PAGE = (
     (ROOT / name).read_text(encoding="utf-8")
     for name in (
-        "README.md", "docs/pages/start/library.md", "docs/pages/reference/calls.md",
+        "README.md",
+        "docs/pages/start/library.md",
+        "docs/pages/reference/calls.md",
         "docs/pages/start/installation.md",
     )
 )
