@@ -76,7 +76,7 @@ class File:
 
     @property
     def word(self) -> str:
-        """What messages call a place in the file."""
+        """The name of a place in the file in messages."""
         return "row" if self.columnar else "line"
 
     def header(self) -> list[str]:

@@ -6,14 +6,16 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from reobserve.core.errors import InputError, shown
+from reobserve.core.extras import package
 from reobserve.estimation.dialect import Dialect
 from reobserve.estimation.record_file import File, Tell
 from reobserve.estimation.specification import Specification
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _TEXT = "the open file"
 
@@ -82,6 +84,7 @@ def source(data: Any, specification: Specification) -> File:
     InputError
         If there is no such file, or the data is none of these.
     """
+    pd = package("pandas", "estimate a data frame")
     dialect = Dialect.of(specification)
     if isinstance(data, str | Path):
         return File(Path(data), dialect)
@@ -104,6 +107,7 @@ def _with_index(frame: pd.DataFrame, specification: Specification) -> pd.DataFra
 
     Without a name it takes that of the column of timestamps.
     """
+    pd = package("pandas", "estimate a data frame")
     index, stated = frame.index, specification.columns.time.columns
     named = [str(name) for name in index.names if name is not None]
     if not named and isinstance(index, pd.DatetimeIndex) and len(stated) == 1:

@@ -88,11 +88,13 @@ def command(
         finally:
             sys.stdin = before
     if code != 0:
-        usage, _, message = err.getvalue().rstrip("\n").rpartition("\n")
+        usage, _, said = f"\n{err.getvalue()}".partition("\nreobserve")
+        messages = [line for line in f"reobserve{said}".splitlines() if line[:1] != " "]
         assert code in (1, 2)
-        assert message.startswith("reobserve")
-        assert not usage or usage.startswith("usage: "), "more than one line"
-        raise RefusedError(message)
+        assert all(message.startswith("reobserve") for message in messages), messages
+        assert not usage or usage.startswith("\nusage: "), usage
+        assert len(messages) == 1 or line[0] == "estimate", "more than one refusal"
+        raise RefusedError(messages[-1])
 
 
 def _files(top: Path) -> dict[str, object]:
