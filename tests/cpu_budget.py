@@ -3,8 +3,8 @@
 A case may take `CASE` seconds and the cases of one function `FUNCTION` in all, where the first case
 stays whatever it takes. Tests beyond that are for `make nightly`: shorten them, or mark them with
 `nightly`, or the function with `nightly_cases(names)`, or with `nightly_after(n)`, which keeps its
-first n cases. Measured are this process and its children that have ended, without fixtures that
-tests share.
+first n cases. Those in `tests/drawn`, which make many calls each, may take `DRAWN`. Measured are
+this process and its children that have ended, without fixtures that tests share.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ import pytest
 from tests.forks import Forks
 
 CASE, FUNCTION = 3.0, 2.0
+DRAWN = 20.0
 COLD = 30.0  # of a case that compiles all that it needs, as on a clean checkout
+_DRAWN = "tests/drawn/"
 SMALL = 0.2  # what further cases of a function may take after an expensive first one
 
 _USED = pytest.StashKey[float]()
@@ -38,12 +40,14 @@ def beyond(cases: Mapping[str, float], factor: float = 1.0) -> list[str]:
     ``cases`` are the CPU seconds by test, in the order of collection.
     """
     found = [
-        f"{name}: {used:.1f} CPU s, a case may take {CASE:g}"
+        f"{name}: {used:.1f} CPU s, a case may take {allowed:g}"
         for name, used in cases.items()
-        if used > factor * CASE
+        if used > factor * (allowed := DRAWN if name.startswith(_DRAWN) else CASE)
     ]
     functions: dict[str, list[float]] = defaultdict(list)
     for name, used in cases.items():
+        if name.startswith(_DRAWN):
+            continue
         functions[name.partition("[")[0]].append(used)
     for name, (first, *further) in functions.items():
         if further and sum(further) > max(factor * FUNCTION - first, SMALL):
@@ -136,7 +140,7 @@ class CpuBudget:
             return [
                 f"{name}: {used:.1f} CPU s, a case that is not nightly may take {COLD:g}"
                 for name, used in self.cases.items()
-                if used > COLD
+                if used > COLD + DRAWN * name.startswith(_DRAWN)
             ]
         return []
 

@@ -90,7 +90,8 @@ class Estimation:
                 raise InputError(f"sampling.{key}", f"{problem}filters do; here it may be {others}")
         self.whole = _whole(self.observer) if specification.smooth else None
         self.report = DataReport(period=period)
-        self.report.refusals = refusals or self.report.refusals
+        if refusals is not None:
+            self.report.refusals = refusals
         clock, timed = self.layout.clock, self.layout.timed
         self.timestamps = Timestamps(
             sampling, self.report, place,
