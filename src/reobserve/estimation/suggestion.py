@@ -143,6 +143,12 @@ def _measured(
         some = list(filter(None, cells))
         numbers = [value for value in map(number, some) if value is not None]
         if len(numbers) <= 0.5 * len(some):
+            texts = Counter(some)
+            dated = any(form.fullmatch(text) for text in texts for form in (DAY, HOUR, DATE))
+            if not (numbers or dated) and 1 < len(texts) <= min(_MOST_TEXTS, len(some) // 4):
+                listed = " or ".join(map(repr, texts))
+                problem = f"{name!r} is {listed}; if rows are of several quantities, it takes one"
+                unsure.of("file.where", problem)
             continue
         said, entry = units[k] or split_title(name)[1], {"column": name}
         if "/" in name and readings(name):

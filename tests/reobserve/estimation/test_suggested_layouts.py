@@ -243,6 +243,21 @@ def test_suggestion_reads_a_log_or_says_what_is_unsure(name: str, tmp_path: Path
     assert runs(tree, path)["estimates"] == len(one.times)
 
 
+@pytest.mark.parametrize("others", [20, 1])
+def test_rows_that_may_be_of_several_quantities_are_named(others: int, tmp_path: Path) -> None:
+    """Two sensors in turn, and a logger's mark at the end."""
+    path, rows = tmp_path / "r.csv", [f"level,{k}.5,{k % 7}.25\n" for k in range(20)]
+    marks = [f"off,{k}.75,99\n" for k in range(20 - others, 20)]
+    rows[20 - others :] = [a + b for a, b in zip(rows[20 - others :], marks, strict=True)]
+    path.write_text("what,t [s],y\n" + "".join(rows), encoding="utf-8")
+    text = suggest(path).text("r")
+    assert "# unsure: file.where: 'what' is 'level' or 'off'; if rows are of several" in text
+    tree = filled(text, {})
+    tree["file"], tree["sampling"] = {"where": {"what": "level"}}, {"period": 1.0}
+    tree["columns"]["measurements"] = [{"column": "y"}]
+    assert cells(tree, path)[1] == [k % 7 + 0.25 for k in range(20)]
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_suggested_layout_runs(name: str, tmp_path: Path) -> None:
