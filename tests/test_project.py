@@ -159,7 +159,7 @@ def test_tests_mirror_the_parts() -> None:
 
 
 # Modules that plot; captions do not.
-DRAWING = ("style_sheet", "figures", "fitting", "formats", "pgf")
+DRAWING = ("style_sheet", "figures", "fitting", "formats", "formulas", "pgf")
 
 
 def test_heavy_packages_are_imported_only_where_needed() -> None:

@@ -173,7 +173,7 @@ class _Branch(BaseModel):
 def _check_drawn(place: str, text: str) -> None:
     """Refuse text with formulas that cannot be drawn."""
     if "$" in text:
-        from reobserve_papers.plotting.formats import check_formulas
+        from reobserve_papers.plotting.formulas import check_formulas
 
         check_formulas(place, text)
 

@@ -10,31 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.cbook import is_math_text
 from matplotlib.collections import Collection
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError, shown
+from reobserve.core.errors import InputError
 from reobserve.core.files import write_bytes, write_text, write_whole
 from reobserve_papers.plotting.style_sheet import laid_out
 
 Array = NDArray[np.float64]
-
-
-def check_formulas(place: str, text: str) -> None:
-    """Refuse text with dollar signs around what matplotlib reads as no formula."""
-    try:
-        if is_math_text(text):
-            MathTextParser("path").parse(text)
-    except (ValueError, RecursionError):
-        said = "holds, between dollar signs, no formula that can be drawn"
-        raise InputError(place, f"{shown(text)} {said}") from None
-
 
 # What would differ from build to build, by format.
 _METADATA: dict[str, dict[str, Any]] = {

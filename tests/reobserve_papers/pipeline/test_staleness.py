@@ -349,6 +349,8 @@ LATE = {
     "reobserve.observers.run_diagnostics",  # and when it is asked for its diagnostics
     "reobserve.core.chi_squared",
     "reobserve_papers.parameters.parameter_file",  # where parameters are checked, once a build
+    "reobserve_papers.plotting",  # of a label with a formula
+    "reobserve_papers.plotting.formulas",
     "reobserve_papers.parameters.overrides",  # and where a user overrides some
     "reobserve_papers.steps.figures",  # for the metrics of a figure, as what follows
     "reobserve_papers.steps.glossary",
