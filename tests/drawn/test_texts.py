@@ -254,6 +254,7 @@ grown = st.recursive(
 nested = st.builds("{}({}({}(a)))".format, *[st.sampled_from(ONES)] * 3)
 
 
+@pytest.mark.nightly_cases("numba")
 @pytest.mark.parametrize("way", WAYS)
 def test_all_pairs_of_functions_have_their_values(way: str) -> None:
     pairs = [f"{outer}({inner}(a))" for outer, inner in product(ONES, ONES)]

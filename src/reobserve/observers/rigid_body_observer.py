@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.arguments import as_kind
+from reobserve.core.arguments import MOST_STEPS, as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import Matrix, as_vector
 from reobserve.core.value import Value, converter
@@ -144,4 +144,9 @@ def whole_steps(interval: float, step: float) -> int:
             "update_interval",
             f"{interval:g} s must be a whole multiple of the sampling period of {step:g} s",
         )
+    if count > MOST_STEPS:
+        problem = (
+            f"{interval:g} s has {count:.3g} sampling periods, must have {MOST_STEPS} or fewer"
+        )
+        raise InputError("update_interval", problem)
     return count
