@@ -166,6 +166,10 @@ def odd_argument(draw: st.DrawFn, valid: Any, others: Sequence[Any]) -> tuple[st
     return draw(st.one_of(kinds))
 
 
+# The sample of a state may lack its measurement; a gain that is required is inf where none suffices.
+UNBOUNDED = ("sample", "required_observer_gain")
+
+
 def not_finite(found: Any, place: str = "", depth: int = 6) -> Iterator[str]:
     """Where a result has numbers that are not finite."""
     if isinstance(found, float | complex | np.ndarray) and np.asarray(found).dtype != object:
@@ -179,7 +183,7 @@ def not_finite(found: Any, place: str = "", depth: int = 6) -> Iterator[str]:
         yield from not_finite(found.ravel()[:100].tolist(), place, depth)
     elif isinstance(found, Mapping) and depth:
         for name, part in found.items():
-            if name != "sample":  # that of a state may lack its measurement
+            if name not in UNBOUNDED:
                 yield from not_finite(part, f"{place}.{name}", depth - 1)
     elif type(found).__module__.startswith("reobserve.") and depth:
         yield from not_finite(vars(found), place, depth - 1)

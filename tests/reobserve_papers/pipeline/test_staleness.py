@@ -345,7 +345,8 @@ LATE = {
     "reobserve_papers.plants.first_order_lag",  # of the two the one that a scenario names
     "reobserve_papers.plants.pendulum",
     "reobserve.observers.many_records",  # and for many records at once
-    "reobserve.observers.run_plot",  # and when a run is plotted
+    "reobserve.observers.run_plot",  # and when a run is plotted, by names
+    "reobserve.systems.signal_names",
     "reobserve.observers.run_diagnostics",  # and when it is asked for its diagnostics
     "reobserve.core.chi_squared",
     "reobserve_papers.parameters.parameter_file",  # where parameters are checked, once a build
