@@ -166,7 +166,7 @@ def odd_argument(draw: st.DrawFn, valid: Any, others: Sequence[Any]) -> tuple[st
     return draw(st.one_of(kinds))
 
 
-# The sample of a state may lack its measurement; a gain that is required is inf where none suffices.
+# The sample of a state may lack its measurement; a required gain is inf where none suffices.
 UNBOUNDED = ("sample", "required_observer_gain")
 
 
