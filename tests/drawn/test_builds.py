@@ -88,7 +88,7 @@ def happen(project: Project, fault: str, size: int) -> None:
 
 @given(some.lists(FAULTS, min_size=1, max_size=3))
 @example(EACH)
-@fewer(50)
+@fewer(100)
 def test_build_after_faults_has_the_bytes_of_an_undisturbed_one(
     undisturbed: Project, faults: list[tuple[str, int]]
 ) -> None:

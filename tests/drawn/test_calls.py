@@ -223,7 +223,7 @@ def check_odd_arguments(data: st.DataObject, every: Mapping[str, Call]) -> None:
         assert set(not_finite(found)) <= {f"[]{place}" for place in usual}, "is not finite"
 
 
-@settings(max_examples=30 * settings().max_examples)
+@settings(max_examples=10 * settings().max_examples)
 @given(st.data())
 def test_arguments_of_any_kind_are_taken_or_refused(data: st.DataObject) -> None:
     check_odd_arguments(data, calls())
