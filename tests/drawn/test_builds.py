@@ -69,7 +69,9 @@ def happen(project: Project, fault: str, size: int) -> None:
     elif fault == "full disk":
         started(project, 1 + size).wait()
     elif fault == "two at once":
-        first, second = started(project), started(project)
+        first = started(project)
+        time.sleep(1.0)  # so that they do not lock the folder in the same instant
+        second = started(project)
         assert 0 in (first.wait(), second.wait())
     for path in chosen:
         if fault == "clock":
