@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, NamedTuple, get_args, get_type_hints
 
@@ -98,7 +98,7 @@ ABILITIES = {
         lambda kind: hasattr(kind, "predict") and hasattr(kind, "correct"),
     ),
     "batch": Ability(
-        "many records", "`y` of shape (records, k, m), with the bits of each alone",
+        "many records", "`y` of shape (records, k, m), each bitwise as if run alone",
         lambda kind: True,
     ),
     "specification": Ability(
@@ -117,25 +117,25 @@ REASONS: Mapping[str, Mapping[str, str]] = {
     },
     "noise": {
         MOST: "Its gains do not follow from covariances of noise.",
-        "FaultBank": "It takes R alone; Q is that of the models of its modes.",
-        "GridFilter": "It takes R alone; Q is that of the models of its modes.",
+        "FaultBank": "It takes R alone; the models of its modes have Q.",
+        "GridFilter": "It takes R alone; the models of its modes have Q.",
     },
     "model": {
-        MOST: "Its gains, and what is proved of them, are those of one model.",
+        MOST: "Its gains, and the proofs for them, belong to one model.",
         "LevantDifferentiator": "It has no model.",
-        "FaultBank": "Its filters are made once, of the models of their modes.",
-        "GridFilter": "Its filters are made once, of the models of their modes.",
+        "FaultBank": "Its filters are made once, from the models of their modes.",
+        "GridFilter": "Its filters are made once, from the models of their modes.",
     },
     "uneven": {
-        MOST: "Its gains, and what is proved of them, are those of one sampling period.",
-        "AugmentedKalmanFilter": "Its unknown inputs walk from sample to sample.",
-        "FaultBank": "Its modes change from sample to sample.",
-        "GridFilter": "Its chain is that of a sampling period.",
+        MOST: "Its gains, and the proofs for them, belong to one sampling period.",
+        "AugmentedKalmanFilter": "The random walk of its unknown inputs is per sample.",
+        "FaultBank": "Its transition probabilities are per sample.",
+        "GridFilter": "Its transition probabilities are per sample.",
     },
     "smoother": {
         MOST: "It has no covariance.",
         "IMM": "Its smoother is another algorithm; smooth the filter of one mode.",
-        "GaussianFilter": "The smoother takes the gain of minimum variance.",
+        "GaussianFilter": "The smoother needs the gain of minimum variance.",
     },
     "covariance": {MOST: "It has no model of noise, but bounds or poles of its error."},
     "predicted": {
@@ -143,7 +143,7 @@ REASONS: Mapping[str, Mapping[str, str]] = {
         "IMM": "Each of its filters has its own.",
     },
     "gain": {
-        MOST: "Its gains are those it was made with.",
+        MOST: "It has the gains with which it was constructed.",
         "IMM": "Each of its filters has its own.",
     },
     "names": {MOST: "Its model does not name signals; a specification does."},
@@ -162,23 +162,37 @@ def reason(ability: str, kind: Kind) -> str:
     return next((among[one.__name__] for one in kind.__mro__ if one.__name__ in among), among[MOST])
 
 
+# The tables, each no wider than a page.
+_TABLES = {
+    "What a call takes": ("nan", "noise", "model", "uneven", "bank", "batch"),
+    "What a run returns": ("covariance", "predicted", "gain", "names", "smoother"),
+    "Without a program in Python": ("specification", "C"),
+}
+
+
 def abilities() -> str:
-    """The table, what its columns mean, and the reasons of its empty cells."""
+    """A table for each group of abilities, what its columns mean, and the reasons of its gaps."""
+    return "\n".join(_table(title, names) for title, names in _TABLES.items())
+
+
+def _table(title: str, names: tuple[str, ...]) -> str:
+    """A row for all observers with the same abilities, what the columns mean, and the reasons."""
     marks: dict[str, str] = {}
-    rows = [tuple(_row(name, kind, marks)) for name, kind in observers().items()]
-    titles = ("observer", *(one.title for one in ABILITIES.values()))
-    means = [(plain(one.title), ticks(one.means)) for one in ABILITIES.values()]
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for observer, kind in observers().items():
+        link = f"[`{observer}`][{kind.__module__}.{observer}]"
+        rows.setdefault(tuple(_cell(name, kind, marks) for name in names), []).append(link)
+    shown = [(", ".join(links), *cells) for cells, links in rows.items()]
+    columns = [ABILITIES[name] for name in names]
+    means = "".join(f"- *{plain(one.title)}*: {ticks(one.means)}\n" for one in columns)
     why = "".join(f"- *{mark}*: {ticks(text)}\n" for text, mark in marks.items())
-    return f"{table(titles, rows)}\n{table(('column', 'meaning'), means)}\n{why}"
+    titles = ("observers", *(one.title for one in columns))
+    return f"## {title}\n\n{table(titles, shown)}\n{means}{why}"
 
 
-def _row(name: str, kind: Kind, marks: dict[str, str]) -> Iterator[str]:
-    yield f"[`{name}`][{kind.__module__}.{name}]"
-    for ability, one in ABILITIES.items():
-        if not one.known(kind):
-            mark = chr(ord("a") + len(marks))
-            yield f"*{marks.setdefault(reason(ability, kind), mark)}*"
-        elif ability == "specification":
-            yield ", ".join(map(code, families(kind)))
-        else:
-            yield "yes"
+def _cell(ability: str, kind: Kind, marks: dict[str, str]) -> str:
+    """The kinds or a yes, or the letter of the reason."""
+    if not ABILITIES[ability].known(kind):
+        mark = chr(ord("a") + len(marks))
+        return f"*{marks.setdefault(reason(ability, kind), mark)}*"
+    return ", ".join(map(code, families(kind))) if ability == "specification" else "yes"
