@@ -31,6 +31,7 @@ def situations(body: Bench, motor: Bench, oscillator: Bench, delay: Bench) -> st
     """A table: the situation, the observer, and how much larger errors are without it."""
     drifting = [b.rest("drifts", *BANKS)[0] for b in (body, motor)]
     assert all(one["within"] == "undecided" for one in drifting)
+    assert drifting[0]["method"] == "with_a_rate"
     assert {"ExtendedKalmanFilter", "UnscentedKalmanFilter"} < oscillator.near("model_5")
     for b in (body, motor):
         smoothed = b.results.cell("drifts", "smoothed")
@@ -39,17 +40,20 @@ def situations(body: Bench, motor: Bench, oscillator: Bench, delay: Bench) -> st
     wrong = delay.rest("model", *GRIDS)[0]
     assert wrong["method"] == "imm"
     rows = [
-        ("Fault torque of a rigid body that jumps", _BANK, _next(body, "jumps", *BANKS)),
-        ("Fault of a linear plant that jumps", _BANK, _next(motor, "jumps", *BANKS)),
+        ("Jumping fault torque of a rigid body", _BANK, _next(body, "jumps", *BANKS)),
+        ("Jumping fault of a linear plant", _BANK, _next(motor, "jumps", *BANKS)),
         ("Fault of one channel, others healthy", _BANK, _next(motor, "healthy", *BANKS)),
-        ("Fault that drifts", f"{_BANK} or a random walk", f"undecided: {_between(drifting[0])}"),
         (
-            "Fault that drifts, and the answer may wait", _SMOOTHER,
+            "Drifting fault", f"{_BANK} or Kalman filter of fault and rate",
+            f"undecided: {_between(drifting[0])}",
+        ),
+        (
+            "Drifting fault, the answer may wait", _SMOOTHER,
             f"{_inverse(body, 'smoothed', 'drifts')} (a rigid body)",
         ),
         (
-            "Noise of measurements unknown or changing", "`noise_memory` of the filter",
-            _next(motor, "noise", "fault_bank_R", given=False) + " (three times the noise)",
+            "Measurement noise unknown or changing", "`noise_memory` of the filter",
+            _next(motor, "noise", "fault_bank_R", given=False) + " (noise × 3)",
         ),
         (
             "State of a nonlinear plant", f"{_EXTENDED} or unscented",
@@ -63,7 +67,7 @@ def situations(body: Bench, motor: Bench, oscillator: Bench, delay: Bench) -> st
         ("The same, model wrong by up to 10 %", f"an IMM of delays, or {_GRID}",
          f"{_between(wrong)} (IMM over grid)"),
     ]  # fmt: skip
-    return table(("situation", "observer", "error of the best alternative"), rows)
+    return table(("situation", "observer", "error of the best other"), rows)
 
 
 def _next(b: Bench, condition: str, *methods: str, given: bool | None = None) -> str:
