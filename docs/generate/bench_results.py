@@ -22,23 +22,21 @@ def of_body(body: Bench) -> str:
     blind = body.rest("noise_10", "fault_bank_R", "random_walk_R", given=False)
     assert blind[0]["method"] == "levant"
     return _bullets(
-        "**In every column but drifts, of causal rows, only banks are within 5 % of the best or "
-        "undecided.** "
-        f"As tuned others have {extent((one['error'] for one in rest[:-2]), 3)}, a filtered "
-        "difference and a "
+        "**Unless faults drift, banks are best**: no other causal method may be within 5 % of the "
+        f"best. As tuned, banks have {extent(map(body, BANKS), 3)}, others "
+        f"{extent((one['error'] for one in rest[:-2]), 3)}, a filtered difference and a "
         f"differentiator {extent(map(body, poor), 3)}.",
-        "**A bank takes noise for jumps**: with three times the noise it has "
-        f"{body('fault_bank', 'noise'):.3f}, the largest error; given R "
+        "**A bank takes noise for jumps**: with three times the noise its error is "
+        f"{body('fault_bank', 'noise'):.3f}, the largest; given R "
         f"{body('fault_bank', 'noise', given=True):.3f}, estimating it "
-        f"{body('fault_bank_R', 'noise'):.3f} (its start was chosen on training records, as "
-        "held-out errors were known). "
-        "At ten times, of rows that do neither, the differentiator has "
-        f"{blind[0]['error']:.2f}, all others {blind[1]['error']:.2f} or more.",
+        f"{body('fault_bank_R', 'noise'):.3f}. With ten times the noise, of methods that do "
+        f"neither, the differentiator is best, with {blind[0]['error']:.2f}; others have "
+        f"{blind[1]['error']:.2f} or more.",
         f"**A filter with a rate** has {body('with_a_rate', 'drifts'):.3f} where faults drift, a "
-        f"random walk {body('random_walk', 'drifts'):.3f}; where they jump "
+        f"random walk {body('random_walk', 'drifts'):.3f}; where faults jump they have "
         f"{body('with_a_rate', 'jumps'):.3f} and {body('random_walk', 'jumps'):.3f}.",
         f"**Latency** as tuned: banks {body.late(*BANKS)} ms, the filter with a rate "
-        f"{body.late('with_a_rate')} ms, other causal rows {body.late(*others)} ms.",
+        f"{body.late('with_a_rate')} ms, other causal methods {body.late(*others)} ms.",
     )
 
 
@@ -54,21 +52,19 @@ def of_motor(motor: Bench) -> str:
     assert min(own) > max(tuned)
     nees, free = motor.nees(), "AugmentedKalmanFilter"
     return _bullets(
-        "**Of causal rows only banks are within 5 % of the best or undecided**, but where all "
-        "faults drift, where "
-        f"{len(near['drifts'])} rows are. With three times the noise a bank has "
-        f"{motor('fault_bank', 'noise'):.3f}, given R "
+        "**Unless all faults drift, banks are best**, as above. With three times the noise a "
+        f"bank has {motor('fault_bank', 'noise'):.3f}, given R "
         f"{motor('fault_bank', 'noise', given=True):.3f}, estimating it "
-        f"{motor('fault_bank_R', 'noise'):.3f} (its start chosen so, too).",
-        "**An unknown-input filter** has as many faults as measurements here, so it is the "
-        f"inverted model, {motor('inverted'):.3f} with two low-passes: what can be reached without "
-        f"a model of the faults. Tuned causal rows but banks have {extent(tuned, 3)}, those with "
-        f"the paper's settings {extent(own, 3)}.",
-        "**Stated disturbances make the variance right, not the error small**: NEES "
-        f"{nees[f'{free}, disturbances stated']:.1f} and not {nees[free]:.1f}, errors "
-        f"{motor('random_walk_stated'):.3f} and {motor('random_walk'):.3f}.",
+        f"{motor('fault_bank_R', 'noise'):.3f}. As tuned, other causal methods have "
+        f"{extent(tuned, 3)}, with the paper's settings {extent(own, 3)}.",
+        "**The inverted model** with two low-passes has "
+        f"{motor('inverted'):.3f}. There are as many faults as measurements, so an unknown-input "
+        "filter is the same, and shows what can be reached without a model of the faults.",
+        "**Stated disturbances make the variance right, not the error small**: NEES is "
+        f"{nees[f'{free}, disturbances stated']:.1f} in place of {nees[free]:.1f}, the error "
+        f"{motor('random_walk_stated'):.3f} in place of {motor('random_walk'):.3f}.",
         f"**Latency** as tuned: a bank {motor.late('fault_bank')} ms, "
-        f"{motor.late('fault_bank_R')} if it estimates R, other tuned causal rows "
+        f"{motor.late('fault_bank_R')} if it estimates R, other tuned causal methods "
         f"{motor.late(*(one['method'] for one in rest))} ms.",
     )
 
@@ -99,21 +95,19 @@ def of_leak(leak: Bench) -> str:
     assert alone < min(wrong.values())
     threshold = "reobserve.detection.false_alarms.false_alarm_threshold"
     return _bullets(
-        "**As tuned, nothing is decided**: no row is known to be within 5 % of the best, and only "
-        f"an IMM with the paper's settings is known not to be. Others miss less than 5 %, with "
-        f"mean delays of {extent(delays)} s.",
+        "**As tuned, nothing is decided**, except that an IMM with the paper's settings is worse. "
+        f"Others miss less than 5 % of leaks, with mean delays of {extent(delays)} s.",
         "**Most thresholds survive a change that the filter knows.** Given three times the noise, "
         f"six detectors with the old threshold alarm in {extent(kept.values(), 0)} % of healthy "
-        "records, an augmented filter, whose statistic is not normalised, in "
-        f"{voltage:.0f} %. Not given the noise, each alarms in all. Then set it again, with "
-        f"[`false_alarm_threshold`][{threshold}].",
-        "**Give filters the noise**: with new thresholds at three times the noise, detectors that "
-        f"are given it miss {extent(given.values(), 0)} % of leaks, others "
+        "records. An augmented filter, whose statistic is not normalised, alarms in "
+        f"{voltage:.0f} %. If not given the noise, each alarms in all: then set the threshold "
+        f"again, with [`false_alarm_threshold`][{threshold}].",
+        "**Give filters the noise**: with new thresholds, detectors that are given three times the "
+        f"noise miss {extent(given.values(), 0)} % of leaks, others "
         f"{extent(frozen.values(), 0)} %.",
-        "**With a model up to 10 % wrong** and thresholds of the plant, a CUSUM whose filters are "
-        f"never restarted misses {alone:.0f} %, other tuned ones {extent(wrong.values(), 0)} %. "
-        f"Tuned with wrong models, too, it and an augmented filter miss none, an IMM of Kalman "
-        f"filters {bank:.0f} %, others {extent(others, 0)} %.",
+        "**Tune with wrong models if yours may be up to 10 % wrong**: then the CUSUM and an "
+        f"augmented filter miss no leak, an IMM of Kalman filters {bank:.0f} %, others "
+        f"{extent(others, 0)} %.",
     )
 
 
@@ -135,14 +129,14 @@ def of_oscillator(oscillator: Bench) -> str:
     failing = oscillator.results.cell("nominal", "normal_2", "paper")
     assert failing is not None
     return _bullets(
-        "**Extended and unscented Kalman filter** are within 0.2 % of each other, and the best as "
-        f"tuned. A normal form of order 4 has {oscillator.ratio('normal_4')} times their error; a "
-        f"constant gain (order 0) {oscillator.ratio('normal_0')}, undecided.",
+        "**Extended and unscented Kalman filter** differ by less than 0.2 % and are best as tuned. "
+        f"The error of a normal form of order 4 is {oscillator.ratio('normal_4')} times as large, "
+        f"of a constant gain (order 0) {oscillator.ratio('normal_0')}, undecided.",
         "**With three times the noise** a filter that estimates R has "
         f"{oscillator('ekf_R', 'noise'):.4f}, given R "
-        f"{oscillator('ekf', 'noise', given=True):.4f}. Of rows that do neither, order "
-        "0 with the slow poles of the paper's example has "
-        f"{blind[0]['error']:.4f}, all others {blind[1]['error']:.4f} or more.",
+        f"{oscillator('ekf', 'noise', given=True):.4f}. Of methods that do neither, order 0 with "
+        "the slow poles of the paper's example is best, with "
+        f"{blind[0]['error']:.4f}; others have {blind[1]['error']:.4f} or more.",
         "**Tune poles before orders**: tuned, orders 0, 2 and 4 are within "
         f"{oscillator.spread('nominal', *orders):.0f} %. With the poles of the paper's example "
         f"order 0 has {oscillator('normal_0', 'nominal', 'paper'):.3f}, order 4 "
@@ -166,27 +160,22 @@ def of_delay(delay: Bench) -> str:
         again = delay.tuned_again("error", condition, training)
         assert set(sorted(again, key=lambda label: again[label])[:2]) == grids
     return _bullets(
-        f"**A grid of delays and rates is best**, {delay.against('nominal', 'grid', 'grid_R')} as "
-        "tuned (their number of delays was chosen on training records, as held-out errors were "
-        "known); all others are more than 5 % worse for slow inputs, too, at twice the period, and "
-        "where the delay steps. An extended Kalman filter is undecided where it swings "
-        f"({delay('ekf', 'swings'):.3f} against {delay('grid', 'swings'):.3f}) and for the slowest "
-        f"inputs ({delay('ekf', 'slowest'):.3f} against {delay('grid', 'slowest'):.3f}; a grid "
-        f"that estimates R {delay('grid_R', 'slowest'):.3f}, worse).",
+        "**A grid of delays and rates is best**, as tuned "
+        f"{delay.against('nominal', 'grid', 'grid_R')}. All others are also more than 5 % worse "
+        "for slow inputs, at twice the period, and where the delay steps. An extended Kalman "
+        f"filter may be as good where it swings ({delay('ekf', 'swings'):.3f} against "
+        f"{delay('grid', 'swings'):.3f}) and for the slowest inputs "
+        f"({delay('ekf', 'slowest'):.3f} against {delay('grid', 'slowest'):.3f}).",
         f"**With a wrong model** an IMM of 16 delays has {delay('imm', 'model'):.3f}, grids "
-        f"{delay('grid', 'model'):.3f} and {delay('grid_R', 'model'):.3f}, undecided.",
-        "**It must be given R or estimate it**: with three times the noise it has "
-        f"{delay('grid', 'noise'):.2f}, given R {delay('grid', 'noise', given=True):.3f}, "
-        f"estimating it {delay('grid_R', 'noise'):.3f}; an IMM {delay('imm', 'noise'):.2f}, given "
-        f"R {delay('imm', 'noise', given=True):.3f}.",
-        "**Tuned with wrong models, too**, grids have "
-        f"{delay('grid', 'model', 'mixed'):.3f} and {delay('grid_R', 'model', 'mixed'):.3f} with a "
-        f"wrong one, an IMM {delay('imm', 'model', 'mixed'):.3f}; with a right one "
-        f"{delay('grid', 'nominal', 'mixed'):.3f}, {delay('grid_R', 'nominal', 'mixed'):.3f} and "
-        f"{delay('imm', 'nominal', 'mixed'):.3f}. Tuned for the slowest inputs they have "
-        f"{delay('grid', 'slowest', 'slowest'):.3f}, {delay('grid_R', 'slowest', 'slowest'):.3f} "
-        f"and {delay('imm', 'slowest', 'slowest'):.3f}.",
-        "**`ExtendedHighGainObserver`** expands the delayed input in a series. With a delay of up "
-        f"to several radians of the input it is {delay.ratio('extended_2')} times the best (order "
-        f"2); for inputs a tenth as fast {delay.ratio('extended_2', 'slowest')} times.",
+        f"{delay('grid', 'model'):.3f} and {delay('grid_R', 'model'):.3f}, undecided. Tuned with "
+        f"wrong models, the IMM has {delay('imm', 'model', 'mixed'):.3f}, grids "
+        f"{delay('grid', 'model', 'mixed'):.3f} and {delay('grid_R', 'model', 'mixed'):.3f}.",
+        f"**A grid needs R**: with three times the noise it has {delay('grid', 'noise'):.2f}, "
+        f"given R {delay('grid', 'noise', given=True):.3f}, estimating it "
+        f"{delay('grid_R', 'noise'):.3f}; an IMM {delay('imm', 'noise'):.2f}, given R "
+        f"{delay('imm', 'noise', given=True):.3f}.",
+        "**`ExtendedHighGainObserver`** expands the delayed input in a series. If the delay is up "
+        f"to several radians of the input, its error is {delay.ratio('extended_2')} times the best "
+        "(order 2); for inputs a tenth as fast "
+        f"{delay.ratio('extended_2', 'slowest')} times.",
     )

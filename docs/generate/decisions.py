@@ -91,18 +91,13 @@ def _inverse(b: Bench, method: str, condition: str) -> str:
 
 def across(body: Bench, motor: Bench, leak: Bench, oscillator: Bench, delay: Bench) -> str:
     """What holds for several tasks, as a list."""
-    tasks = (body, motor, leak, oscillator, delay)
-    questions = [
-        _noise(*tasks),
+    said = (
+        _noise(body, motor, leak, oscillator, delay),
         _thresholds(leak),
         _misses(leak),
         _variances(body, motor, oscillator, delay),
-    ]
-    lines = []
-    for question, *branches in questions:
-        lines.append(wrapped(question, "- "))
-        lines += [wrapped(one, "    - ") for one in branches]
-    return "\n".join(lines)
+    )
+    return "\n".join(wrapped(one, "- ") for one in said)
 
 
 def wrapped(text: str, mark: str) -> str:
@@ -114,7 +109,7 @@ def wrapped(text: str, mark: str) -> str:
     return filled.replace("\0", " ")
 
 
-def _noise(*tasks: Bench) -> list[str]:
+def _noise(*tasks: Bench) -> str:
     gains = []
     for frozen, given in (pair for b in tasks for pair in b.noises()):
         assert all(given[one] < frozen[one] for one in given)
@@ -137,29 +132,27 @@ def _noise(*tasks: Bench) -> list[str]:
     tuned = max(cost for (_, condition), cost in costs.items() if condition == "nominal")
     most = max(cost for (_, condition), cost in costs.items() if condition != "healthy")
     tenfold = max(max(b.cost_of_r("noise_10", given=True)) for b in estimating)
-    return [
-        "**Is R known, the covariance of the noise of measurements?**",
-        "Yes, or measurable at rest: give it. At three times the noise this lowers the error of "
-        f"each filter and detector, by {extent(gains, 0)} %.",
-        "No, or it drifts: estimate it (`noise_memory`). At three times the noise, every causal "
-        "row that neither is given nor estimates R is more than 5 % worse than the best, and one "
-        "that estimates it is not known to be, in all four tasks with such rows. It costs up to "
-        f"{tuned:.0f} % as tuned, up to {most:.0f} % in other columns, but {healthy[0]:.0f} and "
-        f"{healthy[1]:.0f} % on healthy channels; at ten times the noise, up to {tenfold:.0f} % "
-        "against giving R.",
-    ]
+    return (
+        "**Measurement noise.** Give R if you know it or can measure it at rest: with three times "
+        f"the noise, the errors of filters and detectors fall by {extent(gains, 0)} %. If R is "
+        "unknown or drifts, estimate it (`noise_memory`): with three times the noise, in the four "
+        "tasks with such methods, only methods that estimate R or are given it may be within 5 % "
+        f"of the best. To estimate R costs up to {tuned:.0f} % as tuned, up to {most:.0f} % in "
+        f"other conditions, {healthy[0]:.0f} and {healthy[1]:.0f} % on healthy channels, and with "
+        f"ten times the noise up to {tenfold:.0f} % against giving R."
+    )
 
 
-def _thresholds(leak: Bench) -> list[str]:
+def _thresholds(leak: Bench) -> str:
     kept = extent(leak.shares("quantile", "kept_model").values(), 0)
-    return [
-        "**Whose healthy records set the threshold?** This plant's, with the model in use. With "
+    return (
+        "**Thresholds.** Set them with healthy records of your plant and the model in use. With "
         f"thresholds from a right model, tuned detectors alarm in {kept} % of healthy records of "
-        "plants whose model is wrong.",
-    ]
+        "plants whose model is wrong."
+    )
 
 
-def _misses(leak: Bench) -> list[str]:
+def _misses(leak: Bench) -> str:
     for one in ("noise", "model"):
         column, best = leak.column(one), leak.best(one, "lag")
         assert best.startswith(ALONE), one
@@ -172,26 +165,20 @@ def _misses(leak: Bench) -> list[str]:
     )
     few, many = leak.column("rate_2"), leak.column("rate_10")
     faster = extent((100 * (1 - many[one]["lag"] / few[one]["lag"]) for one in few), 0)
-    nominal = leak.within("nominal")
-    assert (nominal["yes"], nominal["no"]) == ([], ["IMM of SVSF, the paper's settings"])
-    return [
-        "**What does a miss cost, against a late alarm?**",
-        "More: a CUSUM whose filters are never restarted has the shortest mean delay and misses "
-        "none of these leaks, given R at three times the noise, as only an IMM of Kalman filters "
-        f"does not, either (others {extent(given.values(), 0)} %), and with a wrong model (others "
-        f"{extent(wrong.values(), 0)} %). But it misses {friction[ALONE]:.0f} % of frictions, for "
-        f"which it has no model. As tuned no tuned row misses any, and of leaks of 10 to 30 % each "
-        f"misses {extent(small.values(), 0)} %.",
-        "Less: by the geometric mean of delays, which quick alarms decide, nothing is decided as "
-        "tuned, but that an IMM with a paper's settings is worse.",
-        "Thresholds that 10 instead of 2.5 % of healthy records may exceed shorten mean delays by "
-        f"{faster} %.",
-    ]
+    return (
+        "**A miss or a late alarm.** If a miss costs more, take a CUSUM of filters that are never "
+        "restarted. It has the shortest mean delay and misses no leak, given R at three times the "
+        f"noise (others but an IMM of Kalman filters {extent(given.values(), 0)} %) and with a "
+        f"wrong model (others {extent(wrong.values(), 0)} %). It misses {friction[ALONE]:.0f} % of "
+        "frictions, for which it has no model. As tuned, no tuned method misses a leak; of leaks "
+        f"of 10 to 30 % each misses {extent(small.values(), 0)} %. If 10 in place of 2.5 % of "
+        f"healthy records may alarm, mean delays fall by {faster} %."
+    )
 
 
-def _variances(body: Bench, motor: Bench, oscillator: Bench, delay: Bench) -> list[str]:
-    def of(b: Bench, holds: Callable[[str], bool], condition: str = "nominal") -> str:
-        return extent((nees for label, nees in b.nees(condition).items() if holds(label)), 1)
+def _variances(body: Bench, motor: Bench, oscillator: Bench, delay: Bench) -> str:
+    def of(b: Bench, holds: Callable[[str], bool]) -> str:
+        return extent((nees for label, nees in b.nees().items() if holds(label)), 1)
 
     of_delay = delay.nees()
     assert set(of_delay) == {
@@ -212,18 +199,16 @@ def _variances(body: Bench, motor: Bench, oscillator: Bench, delay: Bench) -> li
         for label, nees in b.nees("noise").items()
         if "given R" not in label and "R estimated" not in label and "smoothed" not in label
     ]
-    return [
-        "**Must the variance be right?** The mean squared error over it (NEES, 1 if right) shows "
-        "that accurate rows may be too certain. On the body banks have "
-        f"{of(body, bank)}, other causal filters {of(body, other)}; where faults jump "
-        f"{of(body, bank, 'jumps')} and {of(body, other, 'jumps')}, where they drift "
-        f"{of(body, bank, 'drifts')} and {of(body, other, 'drifts')}. On the motor a bank has "
-        f"{of_motor['FaultBank']:.1f}, {of_motor['FaultBank, R estimated']:.1f} if it estimates R; "
-        f"a random walk {of_motor[walk]:.1f}, {of_motor[f'{walk}, disturbances stated']:.1f} with "
-        "stated disturbances. Of delays grids have "
-        f"{of(delay, lambda one: one.startswith('Grid'))}, an IMM "
-        f"{of_delay['IMM of 16 delays']:.1f}, an extended Kalman filter "
-        f"{of_delay['extended Kalman filter']:.0f}; filters of the oscillator "
-        f"{extent(oscillator.nees().values())}. At three times the noise, if neither given nor "
-        f"estimated, these are {min(blind):.1f} to {max(blind):.0f}.",
-    ]
+    return (
+        "**Variances.** NEES, the squared error over its variance, is 1 on average if the variance "
+        "is right. Accurate methods may be too certain. On the body, NEES is "
+        f"{of(body, bank)} for banks and {of(body, other)} for other causal filters; on the motor "
+        f"{of_motor['FaultBank']:.1f} for a bank, {of_motor['FaultBank, R estimated']:.1f} if it "
+        f"estimates R, {of_motor[walk]:.1f} for a random walk and "
+        f"{of_motor[f'{walk}, disturbances stated']:.1f} with stated disturbances; of delays "
+        f"{of(delay, lambda one: one.startswith('Grid'))} for grids, "
+        f"{of_delay['IMM of 16 delays']:.1f} for an IMM and "
+        f"{of_delay['extended Kalman filter']:.0f} for an extended Kalman filter; for filters "
+        f"of the oscillator {extent(oscillator.nees().values())}. With three times the noise, R "
+        f"neither given nor estimated, it is {min(blind):.1f} to {max(blind):.0f}."
+    )
