@@ -153,7 +153,7 @@ def of_lie() -> Iterator[str]:
     yield f"as the degree to the power {-(1 + 0.5 / 1.0594):.3g} there (80 digits, to degree 121)"
     degree = Parameters.load(ROOT, "lie").section("studies", "domain")["degree"]
     yield f"the boundary drawn outside is an estimate at degree {degree}"
-    yield "What Remarks 3.7 and 4.19 ask"
+    yield "What Remarks 3.7 and 4.19 require"
     table = read_numbers(golden_file(ROOT, "lie", "table_coefficients"))
     rows = {row for (row, column, _), cell in table.items() if column == "printed" and cell.value}
     agree = [table[row, "agrees", ""].value for row in rows]
