@@ -57,9 +57,8 @@ def of_motor(motor: Bench) -> str:
         f"{motor('fault_bank', 'noise', given=True):.3f}, estimating it "
         f"{motor('fault_bank_R', 'noise'):.3f}. As tuned, other causal methods have "
         f"{extent(tuned, 3)}, with the paper's settings {extent(own, 3)}.",
-        "**The inverted model** with two low-passes has "
-        f"{motor('inverted'):.3f}. There are as many faults as measurements, so an unknown-input "
-        "filter is the same, and shows what can be reached without a model of the faults.",
+        f"**The inverted model** with two low-passes has {motor('inverted'):.3f}. An unknown-input "
+        "filter is the same here, as there are as many faults as measurements.",
         "**Stated disturbances make the variance right, not the error small**: NEES is "
         f"{nees[f'{free}, disturbances stated']:.1f} in place of {nees[free]:.1f}, the error "
         f"{motor('random_walk_stated'):.3f} in place of {motor('random_walk'):.3f}.",
@@ -102,12 +101,10 @@ def of_leak(leak: Bench) -> str:
         "records. An augmented filter, whose statistic is not normalised, alarms in "
         f"{voltage:.0f} %. If not given the noise, each alarms in all: then set the threshold "
         f"again, with [`false_alarm_threshold`][{threshold}].",
-        "**Give filters the noise**: with new thresholds, detectors that are given three times the "
-        f"noise miss {extent(given.values(), 0)} % of leaks, others "
-        f"{extent(frozen.values(), 0)} %.",
-        "**Tune with wrong models if yours may be up to 10 % wrong**: then the CUSUM and an "
-        f"augmented filter miss no leak, an IMM of Kalman filters {bank:.0f} %, others "
-        f"{extent(others, 0)} %.",
+        f"**With new thresholds**, filters that are given the noise miss "
+        f"{extent(given.values(), 0)} % of leaks, others {extent(frozen.values(), 0)} %.",
+        "**Tuned with models up to 10 % wrong**, the CUSUM and an augmented filter miss no leak, "
+        f"an IMM of Kalman filters {bank:.0f} %, others {extent(others, 0)} %.",
     )
 
 
