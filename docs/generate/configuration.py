@@ -10,8 +10,8 @@ from typing import Any
 from docs.generate.markdown import block, code, heading, plain, table
 from reobserve.core.documents import read_yaml
 from reobserve.core.validation import schema
-from reobserve.estimation.families import FAMILIES, family
-from reobserve.estimation.families.examples import examples, specification_text
+from reobserve.estimation.families import FAMILIES
+from reobserve.estimation.families.examples import examples, model_text, specification_text
 from reobserve_papers.cli.schemas import KINDS, schema_of
 from reobserve_papers.parameters.parameter_file import Configuration
 
@@ -110,7 +110,7 @@ def specifications() -> str:
 
 def models() -> str:
     """The examples of `reobserve design`."""
-    return "\n".join(_example(name, family(name).example, 2) for name in FAMILIES)
+    return "\n".join(_example(name, model_text(name), 2) for name in FAMILIES)
 
 
 def _example(name: str, text: str, level: int) -> str:

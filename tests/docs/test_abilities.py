@@ -221,13 +221,11 @@ def try_batch(case: Case) -> None:
 
 @cache
 def designs() -> tuple[Design, ...]:
-    """What the examples of all families make: of models, and of specifications."""
+    """What the examples of all families make."""
     found = []
     for name in FAMILIES:
-        kind = family(name)
-        found.append(kind.designed(parse_yaml(kind.example, "model.yaml")))
-        for example in kind.records.values():
-            tree: Any = parse_yaml(example.observer, "record.yaml")
+        for example in family(name).records.values():
+            tree: Any = parse_yaml(example.observer + example.gains, "record.yaml")
             one = as_observer(tree["observer"], 0.01)
             assert not isinstance(one, DesignFile)
             found.append(one.design(0.01))

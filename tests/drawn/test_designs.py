@@ -22,6 +22,7 @@ from reobserve.core.documents import Tree, parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.estimation.export_command import exported
 from reobserve.estimation.families import FAMILIES, family
+from reobserve.estimation.families.examples import model_text
 from reobserve.estimation.families.file import load_design, save_design
 
 from . import fewer
@@ -33,7 +34,8 @@ Path_ = tuple[str | int, ...]
 
 @cache
 def model(kind: str) -> Tree:
-    return parse_yaml(family(kind).example, kind)
+    tree = parse_yaml(model_text(kind), kind)
+    return {"initial_state": [0.3] * len(tree["states"]), **tree} if "states" in tree else tree
 
 
 def numbers(part: Any, path: Path_ = ()) -> Iterator[tuple[Path_, float]]:

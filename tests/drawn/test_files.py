@@ -20,7 +20,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reobserve.core.documents import parse_yaml, read_yaml
-from reobserve.estimation.families import FAMILIES, family
+from reobserve.estimation.families import FAMILIES
+from reobserve.estimation.families.examples import model_text
 from reobserve_papers.claims.configuration_checks import check_evidence
 from reobserve_papers.golden.comparison import compare
 from reobserve_papers.golden.number_files import golden_file, read_numbers
@@ -100,7 +101,7 @@ def design(kind: str) -> Reader:
 
 def model(kind: str) -> Reader:
     line = words("design", kind, "in.yaml", "--out", "out.json")
-    return Reader("in.yaml", line, parse_yaml(family(kind).example, "in.yaml"))
+    return Reader("in.yaml", line, parse_yaml(model_text(kind), "in.yaml"))
 
 
 def specification(name: str) -> Reader:

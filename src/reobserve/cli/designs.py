@@ -9,10 +9,10 @@ from reobserve.estimation.families import FAMILIES
 
 _MORE = """\
 a model to start from, its design, and its code:
-  reobserve design kalman --example pendulum.yaml
-  reobserve design kalman pendulum.yaml --out pendulum.json
-  reobserve design kalman pendulum.yaml --set gain=varying --out varying.json
-  reobserve export pendulum.json --out pendulum
+  reobserve design kalman --example motor.yaml
+  reobserve design kalman motor.yaml --out motor.json
+  reobserve design kalman motor.yaml --set gain=steady --out steady.json
+  reobserve export motor.json --out motor
 
 the same from a specification of `reobserve estimate`, whose columns name the signals:
   reobserve design log.yaml --out log.json

@@ -11,6 +11,7 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
 from reobserve.core.files import check_not_read, write_text
 from reobserve.estimation.families import family
+from reobserve.estimation.families.examples import model_text
 from reobserve.estimation.families.file import naming, save_design
 from reobserve.estimation.observer_design import Design
 
@@ -35,8 +36,8 @@ def run(
             raise InputError("--example", "writes a model and designs nothing: leave out the rest")
         if example.exists():
             raise InputError(str(example), "is there already, and is not replaced")
-        title, _, rest = chosen.example.partition("\n")
-        write_text(example, f"{title}\nkind: {kind}\n{rest}")
+        title, period, rest = model_text(kind).partition("sampling_period")
+        write_text(example, f"{title}kind: {kind}\n{period}{rest}")
         print(f"{example}: a model; next: reobserve design {kind} {example} --out design.json")
         return
     if model is None or out is None:

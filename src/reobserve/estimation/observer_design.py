@@ -56,6 +56,7 @@ class Example(NamedTuple):
     plant: str  # of `reobserve.estimation.families.examples`
     observer: str  # YAML
     alarms: str = ""  # YAML
+    gains: str = ""  # YAML: those of the observer, where they can be computed, too
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -70,7 +71,6 @@ class Design(ABC):
     gains: Any = None
     certificate: Certificate = field(default_factory=dict)
 
-    example: ClassVar[str]  # the text of a model's file that can be designed as it is
     records: ClassVar[Mapping[str, Example]] = {}  # by name: NAME or NAME-VARIANT
     programs: ClassVar[Mapping[type, Any]] = {}  # of observers: functions, or "module:function"
     differentiates: ClassVar[bool] = False  # whether it finds derivatives of its signals itself

@@ -9,7 +9,7 @@ from typing import Any
 
 from reobserve.core.documents import parse_yaml
 from reobserve.estimation.families import family
-from reobserve.estimation.families.examples import simulated, specification_text
+from reobserve.estimation.families.examples import model_text, simulated, specification_text
 from reobserve.estimation.families.file import save_design
 
 _FOLDER = tempfile.TemporaryDirectory(prefix="bad-input-")
@@ -19,7 +19,7 @@ _FOLDER = tempfile.TemporaryDirectory(prefix="bad-input-")
 def model(kind: str) -> Path:
     """The example model of a kind of observer."""
     path = Path(_FOLDER.name, f"{kind}.yaml")
-    path.write_text(family(kind).example, encoding="utf-8")
+    path.write_text(model_text(kind), encoding="utf-8")
     return path
 
 
@@ -28,7 +28,7 @@ def saved_design(kind: str) -> bytes:
     """The example design of a kind of observer."""
     made: Any = family(kind)
     path = Path(_FOLDER.name, f"{kind}.design.json")
-    save_design(path, made.designed(parse_yaml(made.example, "model.yaml")))
+    save_design(path, made.designed(parse_yaml(model_text(kind), "model.yaml")))
     return path.read_bytes()
 
 

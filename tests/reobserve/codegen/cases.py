@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.documents import parse_yaml
 from reobserve.estimation.families import FAMILIES, family
+from reobserve.estimation.families.examples import model_text
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
@@ -285,7 +286,7 @@ CASES: dict[str, Callable[[], Made]] = {
 def designed(kind: str) -> Any:
     """The certified design of the example of a kind."""
     made: Any = family(kind)
-    found = made.designed(parse_yaml(made.example, "model.yaml"))
+    found = made.designed(parse_yaml(model_text(kind), "model.yaml"))
     return found, found.start()
 
 

@@ -30,7 +30,7 @@ from reobserve.core.files import (
     write_text,
     write_whole,
 )
-from reobserve.estimation.families import family
+from reobserve.estimation.families.examples import model_text
 
 Capture = pytest.CaptureFixture[str]
 
@@ -164,7 +164,7 @@ def test_output_that_is_not_a_file_is_refused(
     output: str, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "model.yaml").write_text(family("luenberger").example)
+    (tmp_path / "model.yaml").write_text(model_text("luenberger"))
     assert main(["design", "luenberger", "model.yaml", "--out", output]) == 1
     said = capsys.readouterr().err
     assert said.startswith("reobserve: ")

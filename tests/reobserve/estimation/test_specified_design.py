@@ -131,28 +131,27 @@ def test_names_in_columns_rename_no_estimate() -> None:
 
 
 def test_model_file_is_a_specification_once_it_has_columns(empty: Path) -> None:
-    """The keys may stand at the top; the steady gain follows a constant angle to 1e-9."""
+    """The keys may stand at the top; the filter follows a constant speed to 1e-9."""
     assert main(["design", "kalman", "--example", "m.yaml"]) == 0
     assert main(["design", "m.yaml", "--out", "m.json"]) == 0
     text = Path("m.yaml").read_text(encoding="utf-8")
     columns = """columns:
-  measurements: [{column: a, unit: deg, model_unit: rad}]
-  inputs: [{column: u, unit: N m}]
+  measurements: [{column: w, unit: deg/s, model_unit: rad/s}, {column: i, unit: A}]
+  inputs: [{column: u, unit: V}]
 """
     Path("log.yaml").write_text(text + columns, encoding="utf-8")
-    torque = 0.983 * np.pi / 6
-    Path("log.csv").write_text("a,u\n" + f"30.0,{torque!r}\n" * 3000, encoding="utf-8")
+    # 10 w = 40 i and 0.4 w + 20 i = 20 u at rest
+    speed, volts = np.pi / 6, (0.4 + 20 / 4) / 20 * np.pi / 6
+    row = f"30.0,{speed / 4!r},{volts!r}\n"
+    Path("log.csv").write_text("w,i,u\n" + row * 3000, encoding="utf-8")
     assert main(["estimate", "log.yaml", "log.csv", "--out", "e.csv"]) == 0
     last = Path("e.csv").read_text(encoding="utf-8").splitlines()[-1].split(",")
-    assert float(last[1]) == pytest.approx(np.pi / 6, abs=1e-9)
-    assert float(last[2]) == pytest.approx(0.0, abs=1e-9)
+    assert float(last[1]) == pytest.approx(speed, abs=1e-9)
+    assert float(last[3]) == pytest.approx(speed / 4, abs=1e-9)
     assert read_specification("log.yaml").sampling.period == 0.01
-    fitted = ["--range", "observer.R", "1e-8", "1", "--budget", "500", "--output", "f.yaml"]
-    Path("log.yaml").write_text(
-        (text + columns).replace("gain: steady", "gain: varying"), encoding="utf-8"
-    )
+    fitted = ["--range", "observer.R.0", "1e-8", "1", "--budget", "500", "--output", "f.yaml"]
     assert main(["fit", "log.yaml", "log.csv", *fitted]) == 0
-    assert read_specification("f.yaml").observer.system.R != 1e-6
+    assert read_specification("f.yaml").observer.system.R[0] != 1e-3
 
 
 PERIOD = "observer.sampling_period: must be left out, or 0.01, which sampling.period states"

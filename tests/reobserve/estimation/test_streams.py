@@ -269,12 +269,12 @@ def test_stream_does_not_resume_if_the_design_behind_its_name_is_another(
     assert run(design, capsys, monkeypatch)[0] == 0
     made = json.loads((tmp_path / "design.json").read_text())
     columns = {"time": {"column": "t", "unit": "s"}}
-    columns |= {"measurements": [{"column": "y"}], "inputs": [{"column": "u"}]}
+    columns |= {"measurements": [{"column": "y"}, {"column": "i"}], "inputs": [{"column": "u"}]}
     period = made["system"]["sampling_period"] if "system" in made else made["sampling_period"]
     observer = {"kind": "design", "file": "design.json"}
     spec = {"observer": observer, "columns": columns, "sampling": {"period": period}}
     (tmp_path / "spec.yaml").write_text(json.dumps(spec))
-    lines = [b"t,y,u\n", *(f"{k * period:.9g},0.1,0\n".encode() for k in range(20))]
+    lines = [b"t,y,i,u\n", *(f"{k * period:.9g},0.1,0,0\n".encode() for k in range(20))]
     stream = ["estimate", "spec.yaml", "--stream", "--state", "state.json"]
     assert run(stream, capsys, monkeypatch, b"".join(lines[:10]))[0] == 0
     kept, rest = (tmp_path / "state.json").read_bytes(), b"".join([lines[0], *lines[10:]])

@@ -16,18 +16,6 @@ from reobserve.observers.adaptive import AdaptiveObserver
 
 Array = FloatArray
 
-EXAMPLE = """\
-# A satellite whose rates are measured, and whose thrusters may fail.
-sampling_period: 0.01       # [s]
-states: {rate_x: rad/s, rate_y: rad/s, rate_z: rad/s}
-inputs: {torque_x: N m, torque_y: N m, torque_z: N m}
-inertia: [[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26]]       # [kg m^2]
-gains:
-  observer_gain: 500        # [N m s/rad]
-  integral_gain: 5000       # [N m/rad]
-  proportional_gain: 250    # [N m s/rad]; 0 for the classical law
-"""
-
 
 @dataclass(frozen=True, eq=False)
 class AdaptiveGains:
@@ -45,7 +33,6 @@ class AdaptiveDesign(BodyDesign):
     system: BodySystem
     gains: AdaptiveGains
 
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {AdaptiveObserver: "rigid_body:adaptive"}
     records: ClassVar = {
         "adaptive": Example(

@@ -26,26 +26,6 @@ from reobserve.synthesis.linear_gain import steady_kalman_gain
 
 Array = FloatArray
 
-EXAMPLE = """\
-# A pendulum pushed by an unknown torque; the sensor of its rate has a bias.
-time: continuous            # or discrete, with A, B and fault_matrix of discrete time
-sampling_period: 0.01       # [s]
-states: {angle: rad, rate: rad/s}
-inputs: {torque: N m}       # held from sample to sample
-measurements: {angle: rad, rate: rad/s}
-unknown_inputs: {push: N m, bias: rad/s}
-A: [[0, 1], [-0.983, -0.1]]
-B: [[0], [1]]
-C: [[1, 0], [0, 1]]
-fault_matrix: [[0, 0], [1, 0]]          # how unknown inputs enter the states, as B
-output_fault_matrix: [[0, 0], [0, 1]]   # and how the measurements, as D; zero if left out
-random_walk: [1.0e-3, 1.0e-5]           # variances that they gain in a second
-Q: [1.0e-8, 1.0e-6]         # variances of the process noise per sample
-R: [1.0e-6, 1.0e-4]         # of the noise of a measurement
-initial_state: [0.3, 0]
-initial_covariance: [0.01, 0.01]
-"""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class UnknownInputSystem(NoisySystem):
@@ -80,7 +60,6 @@ class AugmentedKalmanDesign(FilterDesign):
         "unknown_input": "initial_unknown_input",
         "unknown_input_covariance": "initial_unknown_input_covariance",
     }  # fmt: skip
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {AugmentedKalmanFilter: "linear:augmented"}
     left_out: ClassVar = (*FilterDesign.left_out, "unknown_input_variance")
     records: ClassVar = {

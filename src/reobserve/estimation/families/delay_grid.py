@@ -20,25 +20,6 @@ from reobserve.observers.grid_filter import GridFilter
 
 Array = FloatArray
 
-EXAMPLE = """\
-# A lag whose valve acts late, by an unknown delay.
-time: continuous            # or discrete, with delays of whole sampling periods
-sampling_period: 0.01       # [s]
-states: {level: "1"}
-inputs: {valve: "1"}        # held from sample to sample
-measurements: {level: "1"}
-A: [[-1]]
-B: [[1]]
-C: [[1]]
-delays: [0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3]    # [s], among which the estimate moves
-random_walk: 0.0025         # variance that the delay gains in a second [s^2/s]
-jump_rate: 0.1              # jumps a second to any other delay
-Q: 1.0e-8                   # variance of the process noise per sample
-R: 1.0e-6                   # of the noise of a measurement
-initial_state: [0]
-initial_covariance: 0.01
-"""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DelayGridSystem(NoisySystem):
@@ -65,7 +46,6 @@ class DelayGridDesign(FilterDesign):
     system: DelayGridSystem
     gains: None = None
 
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {GridFilter: "bank:grid"}
     left_out: ClassVar = (*FilterDesign.left_out, "covariance", "parameter_variance", "probability")
     records: ClassVar = {
@@ -81,6 +61,7 @@ class DelayGridDesign(FilterDesign):
             "  C: [[1.0]]\n"
             "  delays: [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]   # [s]\n"
             "  random_walk: 0.0025        # variance that the delay gains in a second [s^2/s]\n"
+            "  jump_rate: 0.0             # jumps a second to any other delay\n"
             "  Q: 1.0e-8                  # variance of the process noise per sample\n"
             "  R: 1.0e-6                  # of the measurement\n"
             "  initial_state: [0.0]\n"

@@ -30,28 +30,8 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 Array = FloatArray
 
-EXAMPLE = """\
-# A motor whose voltage (actuator) and measured speed (sensor) may be wrong.
-sampling_period: 0.01       # [s]
-states: {speed: rad/s, current: A}
-inputs: {voltage: V}
-measurements: {speed: rad/s, current: A}
-actuator_faults: {actuator: V}
-sensor_faults: {sensor: rad/s}
-A: [[-10, 1], [-0.02, -2]]
-B: [[0], [2]]
-C: [[1, 0], [0, 1]]
-Fa: [[0], [2]]              # how faults enter: states by actuator, measurements by sensor
-Fs: [[1], [0]]
-Dd: [[1, 0], [0, 2]]        # how disturbances enter the states, as many columns as there are
-Dw: [[1], [0]]              # and noise the measurements
-filter_rate: 1              # [1/s] of the filter of the measurements
-structure: pd_pi            # with the derivative of the output error; or pi
-factor: 1.05                # of gamma over its lower bound; or decay, or bound, see the reference
-"""
-
 _RECORD = """\
-# PD/PI extended state observer: faults of actuator and sensor at once, gains from a design.
+# PD/PI extended state observer: faults of actuator and sensor at once.
 observer:
   kind: eso
   states: {speed: rad/s, current: A}
@@ -67,6 +47,10 @@ observer:
   Fa: [[0.0], [20.0]]        # a voltage that is lost
   Fs: [[1.0], [0.0]]         # an offset of the speed's sensor
   filter_rate: 20.0          # [1/s]
+  structure: pd_pi           # of gains that are computed: with the derivative of the error; or pi
+  factor: 1.05               # of gamma over its lower bound; or decay, or bound, see the reference
+"""
+_GAINS = """\
   gains:                     # if left out, they are computed
     L: [[23.3, 494], [6.4, 206], [132, -103], [-30.3, 420], [1.96, 166], [133, -457]]
     Ld: [[0.337, 6.95], [0.168, 2.7], [2.03, -0.814], [-0.276, 4.65], [0.176, 2.32], [2.06, -6.75]]
@@ -154,9 +138,8 @@ class EsoDesign(Design):
     system: FaultySystem
     gains: EsoGains
 
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {ExtendedStateObserver: "eso:extended_state"}
-    records: ClassVar = {"eso": Example("faulty_motor", _RECORD, _ALARM)}
+    records: ClassVar = {"eso": Example("faulty_motor", _RECORD, _ALARM, _GAINS)}
 
     @classmethod
     def find_gains(cls, system: FaultySystem) -> EsoGains:

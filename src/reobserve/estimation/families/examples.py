@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from textwrap import dedent
 
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.estimation.example_records import Simulated, followed
@@ -81,7 +82,14 @@ def specification_text(name: str) -> str:
     """The specification of an example, with comments."""
     example = _example(name)
     alarms = f"alarms:\n{example.alarms}" if example.alarms else ""
-    return f"{example.observer}{_RECORDS[example.plant]}{alarms}"
+    return f"{example.observer}{example.gains}{_RECORDS[example.plant]}{alarms}"
+
+
+def model_text(kind: str) -> str:
+    """A model of a kind that can be designed as it is: the first example's observer."""
+    title, _, keys = next(iter(family(kind).records.values())).observer.partition("observer:\n")
+    rest = dedent(keys).removeprefix(f"kind: {kind}\n")
+    return f"{title}sampling_period: 0.01       # [s]\n{rest}"
 
 
 def simulated(name: str) -> Simulated:

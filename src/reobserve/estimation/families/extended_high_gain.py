@@ -15,32 +15,13 @@ from reobserve.estimation.families.triangular import TriangularSystem, step_grow
 from reobserve.estimation.observer_design import Certificate, Design, Example
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, ExtendedHighGainState
 
-EXAMPLE = """\
-# A tank behind a pipe of unknown length: x1' = x2 + f1(x1), ..., xn' = fn(x) + G(x1) u(t - delay).
-sampling_period: 0.01       # [s]
-states: {level: "1"}
-inputs: {valve: "1"}        # u alone, or u and all derivatives that the order asks for
-measurements: {level: "1"}    # the first state
-drift:                      # f1, ..., fn: text, fi in x1 to xi
-  level: -level
-input_gain: 1               # G, text in the first state
-delay_bounds: [0, 1.5]      # [s]
-initial_state: [0]
-initial_delay: 0.3          # [s]
-gains:
-  rho: 5                    # [1/s]; all poles of the linear part are -rho
-  order: 2                  # derivatives of the input in the expansion of its delay
-  threshold: 0.035          # of |xi|, below which the delay is unobservable
-  switched: delay           # there: only the gain of the delay is zero, or all
-"""
-
 _RECORD = """\
 # Extended high-gain observer of a state and of the delay of its input.
 observer:
   kind: extended-high-gain
   states: {level: "1"}
-  drift: {level: -level}
-  input_gain: 1
+  drift: {level: -level}     # x1' = x2 + f1(x1), ..., xn' = fn(x) + G(x1) u(t - delay)
+  input_gain: 1              # G
   delay_bounds: [0.0, 1.5]   # [s]
   initial_state: [0.0]
   initial_delay: 0.3         # [s]
@@ -48,6 +29,7 @@ observer:
     rho: 5.0                 # [1/s]
     order: 2                 # derivatives of the input, found from its samples
     threshold: 0.035         # of |xi|, below which the delay is unobservable
+    switched: delay          # there: only the gain of the delay is zero, or all
 """
 
 
@@ -84,7 +66,6 @@ class ExtendedHighGainDesign(Design):
     system: DelayedSystem
     gains: ExtendedGains
 
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {ExtendedHighGainObserver: "extended_high_gain:extended"}
     differentiates: ClassVar[bool] = True
     predicts: ClassVar[str] = "state"

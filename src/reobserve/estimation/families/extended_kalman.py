@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from reobserve.estimation.families.rules import rules
-from reobserve.estimation.families.text_model import MODEL, RECORD, TextFilterDesign
+from reobserve.estimation.families.text_model import RECORD, TextFilterDesign
 from reobserve.estimation.observer_design import Example
 from reobserve.observers.nonlinear_filter import ExtendedKalmanFilter
 
@@ -19,7 +19,6 @@ class ExtendedKalmanDesign(TextFilterDesign):
     gains: None = None
 
     about: ClassVar[str] = "extended Kalman filter"
-    example: ClassVar[str] = MODEL
     programs: ClassVar = {ExtendedKalmanFilter: "nonlinear:extended"}
     records: ClassVar = {
         "extended-kalman": Example(

@@ -29,28 +29,6 @@ from reobserve.observers.fault_bank import FaultBank
 
 Array = FloatArray
 
-EXAMPLE = """\
-# A pendulum pushed by an unknown torque that jumps or drifts.
-time: continuous            # or discrete, with A, B and fault_matrix of discrete time
-sampling_period: 0.01       # [s]
-states: {angle: rad, rate: rad/s}
-inputs: {torque: N m}       # held from sample to sample
-measurements: {angle: rad, rate: rad/s}
-faults: {push: N m}
-A: [[0, 1], [-0.983, -0.1]]
-B: [[0], [1]]
-C: [[1, 0], [0, 1]]
-fault_matrix: [[0], [1]]    # how faults enter the states, as B
-drift: 0.05                 # what the rate of a fault gains in a second [N m/s per sqrt(s)]
-jump: 10.0                  # what a fault gains in a second while it jumps [N m per sqrt(s)]
-jump_rate: 0.1              # jumps of all faults a second
-jump_time: 0.03             # mean time [s] that a jump takes
-Q: [1.0e-8, 1.0e-6]         # variances of the process noise per sample
-R: [1.0e-6, 1.0e-4]         # of the noise of a measurement
-initial_state: [0.3, 0]
-initial_covariance: [0.01, 0.01]
-"""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FaultBankSystem(NoisySystem):
@@ -90,7 +68,6 @@ class FaultBankDesign(FilterDesign):
         "fault_covariance": "initial_fault_covariance",
         "rate_covariance": "initial_rate_covariance",
     }
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {FaultBank: "bank:fault_bank"}
     left_out: ClassVar = (
         *FilterDesign.left_out, "covariance", "fault_variance", "fault_rate",

@@ -12,23 +12,6 @@ from reobserve.estimation.families.triangular import TriangularSystem, decay_sen
 from reobserve.estimation.observer_design import Certificate, Design, Example
 from reobserve.observers.high_gain import HighGainObserver, HighGainState
 
-EXAMPLE = """\
-# A pendulum whose angle is measured: x1' = x2 + f1(x1), ..., xn' = fn(x) + G(x1) u, y = x1.
-sampling_period: 0.01       # [s]
-states: {angle: rad, rate: rad/s}
-inputs: {torque: N m}       # as it reaches the plant
-measurements: {angle: rad}  # the first state
-drift:                      # f1, ..., fn: text, fi in x1 to xi
-  angle: 0
-  rate: -9.81*sin(angle) - 0.5*rate
-input_gain: 4               # G, text in the first state
-lipschitz:                  # bounds of df_i/dx_j, from which decay is proved; may be left out
-  rate: {angle: 9.81, rate: 0.5}
-initial_state: [0.3, 0]
-gains:
-  rho: 12                   # [1/s]; all poles of the linear part are -rho
-"""
-
 _RECORD = """\
 # High-gain observer of x1' = x2 + f1(x1), ..., xn' = fn(x) + G(x1) u with y = x1.
 observer:
@@ -36,7 +19,8 @@ observer:
   states: {angle: rad, rate: rad/s}
   inputs: {torque: N m}      # as it reaches the plant
   drift: {angle: 0, rate: -9.81*sin(angle) - 0.5*rate}
-  input_gain: 4
+  input_gain: 4              # G
+  # lipschitz: {rate: {angle: 9.81, rate: 0.5}}   # of df_i/dx_j, to prove a decay, from rho = 12 on
   gains: {rho: 8.0}          # [1/s], all poles of its linear part
 """
 
@@ -55,7 +39,6 @@ class HighGainDesign(Design):
     system: TriangularSystem
     gains: HighGain
 
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {HighGainObserver: "high_gain:standard"}
     predicts: ClassVar[str] = "state"
     records: ClassVar = {"high-gain": Example("driven_pendulum", _RECORD)}

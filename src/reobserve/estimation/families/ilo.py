@@ -20,28 +20,14 @@ from reobserve.synthesis.ilo_stability import continuous_stability
 
 Array = FloatArray
 
-EXAMPLE = """\
-# A satellite whose rates are measured, and whose thrusters may fail.
-variant: sampled            # v is updated once an interval and held; or continuous
-sampling_period: 0.01       # [s]
-states: {rate_x: rad/s, rate_y: rad/s, rate_z: rad/s}
-inputs: {torque_x: N m, torque_y: N m, torque_z: N m}
-inertia: [[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26]]       # [kg m^2]
-expected:                   # sines of a fault for which the error is predicted
-  - {amplitude: [1, 0, 0], frequency: 10}               # [N m], [rad/s]
-gains:
-  K1: 1                     # learning: of the last v
-  K2: 500                   # [N m s/rad] of the rate's error
-  observer_gain: 500        # [N m s/rad]
-  update_interval: 0.01     # [s]
-"""
-
 _RECORD = """\
 # Iterative learning observer of a rigid body: fault torques from angular rates.
 observer:
   kind: ilo
   variant: {0}               # {1}
-{body}  gains:
+{body}  expected:                  # sines of a fault, of which a design predicts the error
+    - {{amplitude: [1, 0, 0], frequency: 1}}    # [N m], [rad/s]
+  gains:
     K1: {K1}                 # a number, a diagonal or 3 x 3
     K2: 20.0                 # [N m s/rad]
     observer_gain: 100.0     # Lambda [N m s/rad]
@@ -88,7 +74,6 @@ class IloDesign(BodyDesign):
     system: LearningSystem
     gains: LearningGains
 
-    example: ClassVar[str] = EXAMPLE
     keys: ClassVar = {"frequencies": "expected"}
     programs: ClassVar = {SampledILO: "rigid_body:sampled", ILO: "rigid_body:continuous"}
     records: ClassVar = {

@@ -28,28 +28,6 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 
 Array = FloatArray
 
-EXAMPLE = """\
-# A pendulum that may be worn; the modes differ in friction.
-time: continuous            # or discrete, with A and B of discrete time
-sampling_period: 0.01       # [s]
-states: {angle: rad, rate: rad/s}
-inputs: {torque: N m}       # held from sample to sample
-measurements: {angle: rad}
-modes:                      # each states the matrices in which it differs
-  sound: {}
-  worn: {A: [[0, 1], [-0.983, -0.5]]}
-A: [[0, 1], [-0.983, -0.1]]
-B: [[0], [1]]
-C: [[1, 0]]
-Q: [1.0e-10, 1.0e-8]        # variances of the process noise per sample
-R: 1.0e-6                   # of the noise of a measurement
-initial_state: [0.3, 0]
-initial_covariance: [0.01, 0.01]
-gains:
-  filter: kalman            # or svsf, with boundary_layer and convergence_rate
-  transition: [[0.999, 0.001], [0.001, 0.999]]      # from one sample to the next
-"""
-
 _MODES = """\
   modes:                     # each states the matrices in which it differs
     healthy: {}
@@ -129,7 +107,6 @@ class ImmDesign(FilterDesign):
     system: ManyModes
     gains: BankGains
 
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {IMM: "bank:bank"}
     left_out: ClassVar = (*FilterDesign.left_out, "covariance")
     records: ClassVar = {

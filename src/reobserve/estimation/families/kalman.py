@@ -20,23 +20,6 @@ from reobserve.synthesis.linear_gain import kalman_gain_error, steady_kalman_gai
 
 Array = FloatArray
 
-EXAMPLE = """\
-# A pendulum whose angle is measured.
-time: continuous            # or discrete, with A and B of discrete time
-sampling_period: 0.01       # [s]
-states: {angle: rad, rate: rad/s}
-inputs: {torque: N m}       # held from sample to sample
-measurements: {angle: rad}
-A: [[0, 1], [-0.983, -0.1]]
-B: [[0], [1]]
-C: [[1, 0]]                 # y = C x + D u
-Q: [1.0e-10, 1.0e-8]        # variances of the process noise per sample
-R: 1.0e-6                   # of the noise of a measurement
-gain: steady                # from the Riccati equation; or varying, with the covariance
-initial_state: [0.3, 0]
-initial_covariance: [0.01, 0.01]
-"""
-
 MOTOR = """\
   time: continuous           # discretised here; or discrete
   states: {speed: rad/s, current: A}
@@ -75,7 +58,6 @@ class KalmanDesign(FilterDesign):
     system: KalmanSystem
     gains: KalmanGains | None = None
 
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {KalmanFilter: "linear:kalman", FixedGainObserver: "linear:fixed_gain"}
     records: ClassVar = {
         "kalman": Example(

@@ -20,15 +20,6 @@ from reobserve.observers.levant import LevantDifferentiator, LevantState
 
 Array = FloatArray
 
-EXAMPLE = """\
-# The angle from an encoder; its rate and acceleration are estimated.
-sampling_period: 0.001      # [s]
-measurements: {angle: rad}
-gains:
-  order: 2                  # the highest derivative
-  L: 50                     # [rad/s^3], bound on the next derivative
-"""
-
 _RECORD = """\
 # Robust exact differentiator of one signal.
 # Estimates: derivatives_1 is the signal without its noise [V], derivatives_2 its rate [V/s], and
@@ -104,7 +95,6 @@ class LevantDesign(Design):
     system: SignalSystem
     gains: LevantGains
 
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {LevantDifferentiator: program}
     predicts: ClassVar[str] = "derivatives"
     records: ClassVar = {"levant": Example("signal", _RECORD)}

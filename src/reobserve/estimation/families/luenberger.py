@@ -19,20 +19,6 @@ from reobserve.observers.gaussian_state import KalmanState
 
 Array = FloatArray
 
-EXAMPLE = """\
-# A pendulum whose angle is measured.
-time: continuous            # or discrete, with A and B of discrete time
-sampling_period: 0.01       # [s]
-states: {angle: rad, rate: rad/s}
-inputs: {torque: N m}       # held from sample to sample
-measurements: {angle: rad}
-A: [[0, 1], [-0.983, -0.1]]
-B: [[0], [1]]
-C: [[1, 0]]
-poles: [-3, -4]             # [1/s], or of discrete time; complex: "-3+1j"
-initial_state: [0.3, 0]
-"""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlacedSystem(LinearSystem):
@@ -55,7 +41,6 @@ class LuenbergerDesign(FilterDesign):
     system: PlacedSystem
     gains: LuenbergerGains
 
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {FixedGainObserver: "linear:fixed_gain"}
     records: ClassVar = {
         "luenberger": Example(

@@ -36,24 +36,6 @@ Array = FloatArray
 Form = Literal["identity", "transformed"]
 Variant = Literal["series", "jacobian", "composed"]
 
-EXAMPLE = """\
-# A pendulum whose angle is measured. Right-hand sides are text in states and inputs.
-sampling_period: 0.01       # [s]
-states: {angle: rad, rate: rad/s}
-inputs: {torque: N m}       # known; must enter so that errors stay linear, which is checked
-measurements: {angle: rad}
-dynamics:
-  angle: rate
-  rate: -sin(angle) - rate/10 + torque
-output:
-  angle: angle
-injection:                  # terms of l(y) from degree 2 on, in y1, y2, ...; none if left out
-  rate: sin(y1) - y1        # here they make the observer exact, and known inputs possible
-order: 3                    # of the gain
-poles: [-1.5, -2.2]         # [1/s] of the error; complex ones are written as "-1+2j"
-initial_state: [0.3, 0]
-"""
-
 
 def _record(about: str, chosen: str) -> str:
     return f"""\
@@ -65,6 +47,7 @@ observer:
   dynamics: {{angle: rate, rate: -sin(angle) - rate/10}}
   output: {{angle: angle}}
   poles: [-1.5, -2.0]        # [1/s] of the error; complex ones are written as "-1+2j"
+  # injection: {{rate: sin(y1) - y1}}   # terms of l(y) from degree 2 on; known inputs may need some
 {chosen}"""
 
 
@@ -138,7 +121,6 @@ class NormalFormDesign(Design):
     system: NonlinearSystem
     gains: NormalFormGains
 
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {
         IdentityObserver: "normal_form:identity", TransformedObserver: "normal_form:transformed",
     }  # fmt: skip

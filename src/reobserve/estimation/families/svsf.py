@@ -15,26 +15,6 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 
 Array = FloatArray
 
-EXAMPLE = """\
-# A pendulum whose angle and rate are measured.
-time: continuous            # or discrete, with A and B of discrete time
-sampling_period: 0.01       # [s]
-states: {angle: rad, rate: rad/s}
-inputs: {torque: N m}       # held from sample to sample
-measurements: {angle: rad, rate: rad/s}
-A: [[0, 1], [-0.983, -0.1]]
-B: [[0], [1]]
-C: [[1, 0], [0, 1]]
-Q: [1.0e-8, 1.0e-6]         # variances of the process noise per sample
-R: [1.0e-6, 1.0e-4]         # of the noise of a measurement
-initial_state: [0.3, 0]
-initial_covariance: [0.01, 0.01]
-gains:
-  boundary_layer: [0.02, 0.1]   # innovations within it are taken in part
-  convergence_rate: 0.1         # from 0 to below 1: how fast errors outside it shrink
-  inverse: pseudo               # of C; or weighted, by the covariance
-"""
-
 
 @dataclass(frozen=True, eq=False)
 class SwitchingGains:
@@ -52,14 +32,14 @@ class SvsfDesign(FilterDesign):
     system: NoisySystem
     gains: SwitchingGains
 
-    example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {SmoothVariableStructureFilter: "linear:smooth"}
     records: ClassVar = {
         "svsf": Example(
             "motor", "# Smooth variable structure filter.\nobserver:\n  kind: svsf\n"
             + MOTOR + NOISE + "  gains:\n"
             "    boundary_layer: [0.3, 0.1] # psi, in the units of the measurements\n"
-            "    convergence_rate: 0.1      # gamma\n",
+            "    convergence_rate: 0.1      # gamma\n"
+            "    inverse: pseudo            # of C; or weighted, by the covariance\n",
         ),
     }  # fmt: skip
 

@@ -25,32 +25,18 @@ from reobserve.systems.nonlinear import NonlinearModel
 Array = FloatArray
 Texts = dict[str, str | float]
 
-SWING = """\
-states: {angle: rad, rate: rad/s}
-inputs: {torque: N m}       # held from sample to sample
-measurements: {angle: rad}
-parameters: {stiffness: 9.81, friction: 0.5, gain: 4}
-dynamics:                   # x' = f(x, u), or x(k+1), of each state
-  angle: rate
-  rate: -stiffness*sin(angle) - friction*rate + gain*torque
-output:                     # y = h(x, u), of each measurement
-  angle: angle
-"""
-MODEL = f"""\
-# A pendulum whose angle is measured. Right-hand sides are text in states, inputs and parameters.
-time: continuous            # integrated over each sample; or discrete: they are the next state
-sampling_period: 0.01       # [s]
-substeps: 1                 # Runge-Kutta steps in a sampling period
-{SWING}\
-Q: [1.0e-9, 1.0e-6]         # variances of the process noise per sample
-R: 1.0e-6                   # of the noise of a measurement
-initial_state: [0.3, 0]
-initial_covariance: [0.01, 0.01]
-"""
-_INDENTED = re.sub(r"^", "  ", SWING, flags=re.MULTILINE).rstrip(" ")
-RECORD = f"""\
-  time: continuous            # x' = f(x, u), integrated over each sample; or discrete
-{_INDENTED}\
+RECORD = """\
+  time: continuous            # x' = f(x, u), integrated over each sample; or discrete: x(k+1)
+  substeps: 1                 # Runge-Kutta steps in a sampling period
+  states: {angle: rad, rate: rad/s}
+  inputs: {torque: N m}       # held from sample to sample
+  measurements: {angle: rad}
+  parameters: {stiffness: 9.81, friction: 0.5, gain: 4}
+  dynamics:                   # of each state
+    angle: rate
+    rate: -stiffness*sin(angle) - friction*rate + gain*torque
+  output:                     # y = h(x, u), of each measurement
+    angle: angle
   Q: [1.0e-10, 1.0e-7]        # variances of the process noise per sample
   R: 3.0e-8                   # of the measurement
   initial_state: [0.0, 0.0]

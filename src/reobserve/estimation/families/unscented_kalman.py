@@ -7,16 +7,9 @@ from functools import cached_property
 from typing import ClassVar
 
 from reobserve.estimation.families.rules import rules
-from reobserve.estimation.families.text_model import MODEL, RECORD, TextFilterDesign, TextSystem
+from reobserve.estimation.families.text_model import RECORD, TextFilterDesign, TextSystem
 from reobserve.estimation.observer_design import Example
 from reobserve.observers.nonlinear_filter import UnscentedKalmanFilter
-
-_GAINS = """\
-gains:                      # of the sigma points; these are the values where they are left out
-  alpha: 0.1                # how far they are spread, up to 1
-  beta: 2                   # 2 for Gaussian distributions
-  kappa: 0                  # above minus the number of states
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +28,6 @@ class UnscentedKalmanDesign(TextFilterDesign):
     gains: SigmaPointGains
 
     about: ClassVar[str] = "unscented Kalman filter"
-    example: ClassVar[str] = MODEL + _GAINS
     programs: ClassVar = {UnscentedKalmanFilter: "nonlinear:unscented"}
     records: ClassVar = {
         "unscented-kalman": Example(

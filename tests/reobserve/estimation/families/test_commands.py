@@ -19,25 +19,26 @@ def empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_model_is_designed_and_exported_to_code(
     empty: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["design", "luenberger", "--example", "swing.yaml"]) == 0
-    assert "next: reobserve design luenberger swing.yaml" in capsys.readouterr().out
+    assert main(["design", "luenberger", "--example", "motor.yaml"]) == 0
+    assert "next: reobserve design luenberger motor.yaml" in capsys.readouterr().out
     assert (
         main(
-            ["design", "luenberger", "swing.yaml", "--set", "poles=[-5, -6]", "--out", "swing.json"]
+            ["design", "luenberger", "motor.yaml", "--set", "poles=[-5, -6]", "--out", "motor.json"]
         )
         == 0
     )
     reported = capsys.readouterr().out
     assert "poles: 0.951229, 0.941765, of the error from sample to sample" in reported
     assert "37 % in 0.2 s" in reported  # of the pole at -5
-    assert main(["export", "swing.json", "--to", "c", "--out", "code"]) == 0
+    assert main(["export", "motor.json", "--to", "c", "--out", "code"]) == 0
     assert "cc -std=c99" in capsys.readouterr().out
     written = sorted(path.name for path in (empty / "code").iterdir())
-    assert written == ["swing.c", "swing.h", "swing_test.c"]
-    header, source = ((empty / f"code/swing.{end}").read_text() for end in "hc")
-    assert "y: angle [rad]" in header
-    gain = json.loads((empty / "swing.json").read_text())["gains"]["gain"]
-    assert "L[2][1] = {" + ", ".join(f"{{{row[0]!r}}}" for row in gain) + "};" in source
+    assert written == ["motor.c", "motor.h", "motor_test.c"]
+    header, source = ((empty / f"code/motor.{end}").read_text() for end in "hc")
+    assert "y: speed [rad/s], current [A]" in header
+    gain = json.loads((empty / "motor.json").read_text())["gains"]["gain"]
+    rows = ", ".join(f"{{{row[0]!r}, {row[1]!r}}}" for row in gain)
+    assert f"L[2][2] = {{{rows}}};" in " ".join(source.split()).replace("{ {", "{{")
 
 
 @pytest.mark.parametrize(

@@ -10,28 +10,28 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
-from scipy.signal import place_poles
 
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.estimation.families import FAMILIES, family
+from reobserve.estimation.families.examples import model_text
 from reobserve.estimation.families.file import load_design, save_design
 from reobserve.estimation.observer_design import Design
 from reobserve.synthesis.extended_state import pd_pi
 
-PENDULUM = expm(0.01 * np.array([[0, 1, 0], [-0.983, -0.1, 1], [0, 0, 0]]))
+MOTOR = expm(0.01 * np.array([[-10, 40], [-0.4, -20]]))
 
 
 @pytest.fixture(scope="module")
 def designs() -> dict[str, Design]:
     chosen: dict[str, tuple[str, dict[str, Any]]] = {
-        "steady": ("kalman", {}), "varying": ("kalman", {"gain": "varying"}),
+        "steady": ("kalman", {"gain": "steady"}), "varying": ("kalman", {}),
         **{name: (name, {}) for name in FAMILIES if name != "kalman"},
     }  # fmt: skip
     found = {}
     for name, (kind, options) in chosen.items():
         made: Any = family(kind)
-        found[name] = made.designed({**parse_yaml(made.example, "model.yaml"), **options})
+        found[name] = made.designed({**parse_yaml(model_text(kind), "model.yaml"), **options})
     return found
 
 
@@ -58,19 +58,19 @@ def test_loaded_design_is_bitwise_identical_to_the_saved_one(
 
 
 def test_kalman_gain_agrees_with_scipy_riccati_solver(stored: dict[str, Path]) -> None:
-    H, R = np.array([[1.0, 0.0]]), 1e-6
-    P = solve_discrete_are(PENDULUM[:2, :2].T, H.T, np.diag([1e-10, 1e-8]), [[R]])
-    expected = P @ H.T / (H @ P @ H.T + R)
+    R = np.diag([1e-3, 1e-4])
+    P = solve_discrete_are(MOTOR.T, np.eye(2), 1e-4 * np.eye(2), R)
+    expected = P @ np.linalg.inv(P + R)
     assert load_design(stored["steady"]).gains.gain == pytest.approx(expected, rel=1e-9)
 
 
 def test_luenberger_poles_are_placed_as_specified(stored: dict[str, Path]) -> None:
     design = load_design(stored["luenberger"])
-    A, C = PENDULUM[:2, :2], PENDULUM[:1, :2]  # corrected by the innovation
-    gain = place_poles(A.T, C.T, np.exp([-0.03, -0.04])).gain_matrix.T
-    assert design.gains.gain == pytest.approx(gain, rel=1e-8)
+    # e(k+1) = (I - L) A e(k): both states are measured, and corrected by the innovation
+    found = np.sort(np.linalg.eigvals(MOTOR - design.gains.gain @ MOTOR))
+    assert np.log(found) / 0.01 == pytest.approx([-70, -50], rel=1e-9)
     poles = np.array(design.certificate["poles"])
-    assert np.log(poles[:, 0]) / 0.01 == pytest.approx([-3, -4], rel=1e-9)
+    assert np.log(poles[:, 0]) / 0.01 == pytest.approx([-50, -70], rel=1e-9)
 
 
 def test_eso_design_agrees_with_the_synthesis(stored: dict[str, Path]) -> None:
@@ -83,7 +83,7 @@ def test_eso_design_agrees_with_the_synthesis(stored: dict[str, Path]) -> None:
 
 def test_eso_with_pole_bound_has_minimum_gamma() -> None:
     eso: Any = family("eso")
-    design = eso.designed({**parse_yaml(eso.example, "model.yaml"), "bound": 50.0})
+    design = eso.designed({**parse_yaml(model_text("eso"), "model.yaml"), "bound": 50.0})
     expected = pd_pi.design_minimum_gamma(design.system.augmented, decay=0.0, bound=50.0)
     assert np.array_equal(design.gains.L, expected.gains.L)
     assert design.gains.gamma == expected.gamma
@@ -106,22 +106,22 @@ def tampered(path: Path, *keys: Any, value: Any) -> Path:
 @pytest.mark.parametrize(
     ("name", "keys", "value", "said"),
     [
-        ("steady", ("gains", "gain", 0, 0), lambda g: 1.001 * g, "Riccati equation gives 0.04185"),
-        ("steady", ("gains", "gain", 0, 0), -1.0, "must be below 1, it is 1.9"),
-        ("luenberger", ("gains", "gain", 1, 0), lambda g: 1.01 * g, "but the gains give 0.9"),
-        ("luenberger", ("gains", "gain", 1, 0), -9.0, "must be below 1, it is 1.31095"),
-        ("luenberger", ("system", "sampling_period"), 0.02, "certificate.poles: says 0.97"),
-        ("luenberger", ("certificate", "spectral_radius"), 0.5, "the gains give 0.97"),
-        ("eso", ("gains", "L", 0, 0), lambda g: 1.001 * g, "certificate.poles: says -3.6"),
-        ("eso", ("gains", "L", 0, 0), 100.0, "norm, 1.09413476 to 1.09413476, is not proved"),
-        ("eso", ("gains", "gamma"), 1.0, "below 1.005.*, which no gains get below"),
+        ("steady", ("gains", "gain", 0, 0), lambda g: 1.001 * g, "Riccati equation gives 0.2283"),
+        ("steady", ("gains", "gain", 0, 0), -1.0, "must be below 1, it is 1.805"),
+        ("luenberger", ("gains", "gain", 1, 0), lambda g: 1.01 * g, "but the gains give 0.60654"),
+        ("luenberger", ("gains", "gain", 1, 0), -9.0, "must be below 1, it is 3.70457"),
+        ("luenberger", ("system", "sampling_period"), 0.02, "certificate.poles: says 0.6065"),
+        ("luenberger", ("certificate", "spectral_radius"), 0.5, "the gains give 0.6065"),
+        ("eso", ("gains", "L", 0, 0), lambda g: 1.001 * g, "certificate.poles: says -7.91"),
+        ("eso", ("gains", "L", 0, 0), 100.0, "norm, 0.225663101 to 0.225663101, is not proved"),
+        ("eso", ("gains", "gamma"), 0.1, "below 0.1856.*, which no gains get below"),
         ("eso", ("system", "Fs"), [[0.0], [0.0]], "has rank 0, must have 1"),
         ("steady", ("schema",), 2, "schema: 2 must be 1, which this version reads"),
         ("steady", ("kind",), "kallman", "kind: 'kallman' must be one of kalman, luenberger"),
         ("steady", ("format",), "x", "format: 'x' must be 'reobserve design'"),
         ("steady", ("versions", "numpy"), 2, "versions: .* must be a mapping of packages to vers"),
         ("steady", ("versions",), "2.4", "versions: '2.4' must be a mapping of packages"),
-        ("steady", ("system", "states", "angle"), "radd", "'radd' is no unit"),
+        ("steady", ("system", "states", "speed"), "radd", "'radd' is no unit"),
         ("steady", ("system", "A"), [[1.0]], r"system.A: has shape \(1, 1\), must be \(2, 2\)"),
     ],
 )  # fmt: skip

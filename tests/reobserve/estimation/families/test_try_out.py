@@ -9,13 +9,13 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve.estimation.design_command import run as design
-from reobserve.estimation.families import family
+from reobserve.estimation.families.examples import model_text
 from reobserve.estimation.families.file import load_design
 
 
 def designed(kind: str, folder: Path, *changes: str) -> Path:
     model, out = folder / f"{kind}.yaml", folder / "design.json"
-    model.write_text(family(kind).example)
+    model.write_text(model_text(kind))
     design(kind, model, out, None, changes)
     return out
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from reobserve.core.documents import parse_yaml
 from reobserve.estimation.families import family
+from reobserve.estimation.families.examples import model_text
 from reobserve.estimation.families.file import load_design, save_design
 from reobserve.synthesis.ilo_certificate import certify
 from reobserve.synthesis.ilo_error_system import LearningLaw
@@ -77,7 +78,7 @@ def _designs() -> Iterator[Call]:
     system, found = models.augmented(), models.gains()
     kind: Any = family("luenberger")
     path = Path(mkdtemp()) / "design.json"
-    save_design(path, kind.designed(parse_yaml(kind.example, "model.yaml")))
+    save_design(path, kind.designed(parse_yaml(model_text("luenberger"), "model.yaml")))
     yield from called({
         "synthesis.extended_state.gamma_bound.gamma_lower_bound": (system,),
         "synthesis.extended_state.gamma_bound.as_gamma": (system, 1.05),
