@@ -33,13 +33,13 @@ _AGREE = 1e-6  # of a number: what another processor may make of the same gains
 # Parameters of observers, and the keys that state them.
 _KEYS = {
     "mean": "initial_state", "state": "initial_state", "covariance": "initial_covariance",
-    "delay": "initial_delay", "period": "sampling_period", "probabilities": "initial_probabilities",
+    "delay": "initial_delay", "period": "sampling_period",
 }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class System:
-    """Keys of all systems: the period [s] between samples, and signals by name and unit.
+    """Keys of all systems: the period [s], signals by name and unit, and the state at the start.
 
     Signals that are left out are numbered, and have no units.
     """
@@ -48,6 +48,7 @@ class System:
     states: Signals = field(default_factory=dict)
     inputs: Signals = field(default_factory=dict)
     measurements: Signals = field(default_factory=dict)
+    initial_state: list[float] | None = None
 
 
 class Example(NamedTuple):

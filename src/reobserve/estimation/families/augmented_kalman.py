@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -110,24 +110,6 @@ class AugmentedKalmanDesign(FilterDesign):
             **super().estimates, "unknown_input": self.unknown_inputs,
             "unknown_input_variance": variances(self.unknown_inputs),
         }  # fmt: skip
-
-    def start(self) -> Any:
-        """Initial mean and covariance, at the first sample."""
-        system = self.system
-        return self.observer.init(
-            system.mean, system.initial_covariance, unknown_input=system.initial_unknown_input,
-            unknown_input_covariance=system.initial_unknown_input_covariance,
-        )  # fmt: skip
-
-    @property
-    def sigmas(self) -> Mapping[str, str]:
-        """The variances of the state and of unknown inputs."""
-        return {"state": "variance", "unknown_input": "unknown_input_variance"}
-
-    @property
-    def unseen(self) -> tuple[str, ...]:
-        """None: those of the state alone do not tell which the unknown inputs hide."""
-        return ()
 
     def certify(self) -> Certificate:
         """Poles of the error of state and unknown inputs, with the gain of the filter at rest."""

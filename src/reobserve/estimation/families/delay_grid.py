@@ -9,10 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
 from reobserve.core.validation import NotNegative
-from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem
+from reobserve.estimation.families.linear_system import BankSystem, FilterDesign
 from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.signals import NamedSignal, covariances
 from reobserve.estimation.observer_design import Certificate, Example
@@ -22,7 +21,7 @@ Array = FloatArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DelayGridSystem(NoisySystem):
+class DelayGridSystem(BankSystem):
     """A linear system whose inputs act after one of ``delays`` [s].
 
     ``random_walk`` and ``jump_rate`` say how the delay moves, see `GridFilter`; both zero if left
@@ -32,11 +31,6 @@ class DelayGridSystem(NoisySystem):
     delays: Array
     random_walk: NotNegative = 0.0
     jump_rate: NotNegative = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.outliers is not None:
-            raise InputError("outliers", "must be left out: a bank skips them")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,11 +91,6 @@ class DelayGridDesign(FilterDesign):
                 for signal in self.measurements
             ),
         }  # fmt: skip
-
-    @property
-    def sigmas(self) -> Mapping[str, str]:
-        """The variances of the state and the delay."""
-        return {"state": "variance", "parameter": "parameter_variance"}
 
     def certify(self) -> Certificate:
         """The number of delays, and the probability that one is kept for a row, the least."""

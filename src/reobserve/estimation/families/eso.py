@@ -80,7 +80,6 @@ class FaultySystem(System):
     Dd: Array | None = None
     Dw: Array | None = None
     filter_rate: Array = field(default_factory=lambda: np.array(1.0))
-    initial_state: list[float] | None = None
     structure: Literal["pd_pi", "pi"] = "pd_pi"
     factor: float = 1.05
     decay: float | None = None

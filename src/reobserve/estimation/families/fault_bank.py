@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
 from reobserve.core.validation import Positive
 from reobserve.estimation.families.kalman import MOTOR, NOISE
-from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem, check_shape
+from reobserve.estimation.families.linear_system import BankSystem, FilterDesign, check_shape
 from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.signals import (
     NamedSignal,
@@ -31,7 +30,7 @@ Array = FloatArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FaultBankSystem(NoisySystem):
+class FaultBankSystem(BankSystem):
     """A linear system with x' = ... + E f and y = ... + F f of faults f that jump or drift.
 
     ``fault_matrix`` is E, sampled as A and B are; ``output_fault_matrix`` F, zero if left out; the
@@ -51,8 +50,6 @@ class FaultBankSystem(NoisySystem):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.outliers is not None:
-            raise InputError("outliers", "must be left out: a bank skips them")
         if self.faults:
             check_shape("fault_matrix", self.fault_matrix, (len(self.A), len(self.faults)))
 
@@ -123,27 +120,6 @@ class FaultBankDesign(FilterDesign):
                 for signal in self.measurements
             ),
         }  # fmt: skip
-
-    def start(self) -> Any:
-        """Initial mean and covariance, at the first sample."""
-        system = self.system
-        return self.observer.init(
-            system.mean, system.initial_covariance,
-            fault_covariance=system.initial_fault_covariance,
-            rate_covariance=system.initial_rate_covariance,
-        )  # fmt: skip
-
-    @property
-    def sigmas(self) -> Mapping[str, str]:
-        """The variances of the state, the faults and their rates."""
-        return {
-            "state": "variance", "fault": "fault_variance", "fault_rate": "fault_rate_variance",
-        }  # fmt: skip
-
-    @property
-    def unseen(self) -> tuple[str, ...]:
-        """None: the bank refuses what it cannot see."""
-        return ()
 
     def certify(self) -> Certificate:
         """The rows that a jump takes in the mean, and those between two."""

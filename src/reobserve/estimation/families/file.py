@@ -12,13 +12,13 @@ from __future__ import annotations
 import json
 import platform
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib import metadata
 from math import isfinite
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, shown
@@ -53,10 +53,7 @@ def load_design(path: str | Path) -> Design:
         said = shown(tree.get("schema"))
         raise InputError(f"{path}: schema", f"{said} must be {SCHEMA}, which this version reads")
     kind = family(tree.get("kind"), f"{path}: kind")
-    _check_versions(f"{path}: versions", tree.get("versions"))
     body = {name: part for name, part in tree.items() if name not in _HEADER}
-    if "certificate" not in body:
-        raise InputError(f"{path}: certificate", "is missing; a design file needs it")
     if "gains" not in body and kind.needs_gains():
         raise InputError(f"{path}: gains", f"are missing; a design of {tree['kind']} needs them")
     with naming(path):
@@ -102,13 +99,6 @@ def naming(path: str | Path) -> Iterator[None]:
         yield
     except InputError as error:
         raise error.renamed(f"{path}: {error.parameter}") from None
-
-
-def _check_versions(place: str, versions: Any) -> None:
-    if not isinstance(versions, Mapping) or not all(
-        isinstance(version, str) for version in versions.values()
-    ):
-        raise InputError(place, f"{shown(versions)} must be a mapping of packages to versions")
 
 
 def _version(package: str) -> str:

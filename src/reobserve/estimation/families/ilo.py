@@ -74,7 +74,7 @@ class IloDesign(BodyDesign):
     system: LearningSystem
     gains: LearningGains
 
-    keys: ClassVar = {"frequencies": "expected"}
+    keys: ClassVar = {**BodyDesign.keys, "frequencies": "expected"}
     programs: ClassVar = {SampledILO: "rigid_body:sampled", ILO: "rigid_body:continuous"}
     records: ClassVar = {
         f"ilo-{variant}": Example("satellite", _RECORD.format(variant, about, body=BODY, K1=K1),

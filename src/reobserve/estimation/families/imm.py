@@ -13,16 +13,16 @@ from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import (
+    BankSystem,
     FilterDesign,
     LinearSystem,
-    NoisySystem,
     unobserved,
 )
 from reobserve.estimation.families.rules import rules
 from reobserve.estimation.families.signals import NamedSignal, check_signals, covariances
 from reobserve.estimation.observer_design import Certificate, Example
 from reobserve.observers.gaussian_filter import GaussianFilter
-from reobserve.observers.imm import IMM, ImmState
+from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 
@@ -52,7 +52,7 @@ class Mode:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ManyModes(NoisySystem):
+class ManyModes(BankSystem):
     """A linear system in several modes, with their probabilities at the start, equal if left out.
 
     The covariance of the initial state is that of all modes.
@@ -63,8 +63,6 @@ class ManyModes(NoisySystem):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.outliers is not None:
-            raise InputError("outliers", "must be left out: a bank skips them")
         check_signals("modes", dict.fromkeys(self.modes, "1"))
         if not 1 <= len(self.modes) <= _MOST_MODES:
             raise InputError("modes", f"has {len(self.modes)} modes, must have 1 to {_MOST_MODES}")
@@ -107,6 +105,7 @@ class ImmDesign(FilterDesign):
     system: ManyModes
     gains: BankGains
 
+    keys: ClassVar = {"probabilities": "initial_probabilities"}
     programs: ClassVar = {IMM: "bank:bank"}
     left_out: ClassVar = (*FilterDesign.left_out, "covariance")
     records: ClassVar = {
@@ -157,13 +156,6 @@ class ImmDesign(FilterDesign):
                 for signal in self.measurements
             ),
         }
-
-    def start(self) -> ImmState:
-        """Initial mean and covariance of all modes, at the first sample."""
-        system = self.system
-        return self.observer.init(
-            system.mean, system.initial_covariance, probabilities=system.initial_probabilities
-        )
 
     @property
     def unseen(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -77,17 +77,9 @@ class KalmanDesign(FilterDesign):
             raise InputError("gains", f"{wanted} where the gain is {self.system.gain}")
 
     @classmethod
-    def of(cls, system: KalmanSystem, gains: KalmanGains | None = None) -> Self:
-        """The Kalman filter of a system.
-
-        Raises
-        ------
-        InputError
-            If it comes to no gain, `reobserve.synthesis.linear_gain.steady_kalman_gain`.
-        """
-        if gains is None and system.gain == "steady":
-            gains = KalmanGains(steady_kalman_gain(system.model))
-        return cls(system=system, gains=gains)
+    def find_gains(cls, system: KalmanSystem) -> KalmanGains | None:
+        """The gain at rest, if the system asks for it."""
+        return KalmanGains(steady_kalman_gain(system.model)) if system.gain == "steady" else None
 
     @cached_property
     def observer(self) -> GaussianFilter:

@@ -13,7 +13,7 @@ from reobserve.codegen.expressions import Expression, call
 from reobserve.codegen.program import ONE, ZERO, Program
 from reobserve.codegen.programs.sampling import RowBuffer
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.signals import NamedSignal, numbered, product
 from reobserve.estimation.observer_design import Certificate, Design, Example, System
 from reobserve.observers.levant import LevantDifferentiator, LevantState
@@ -35,8 +35,6 @@ observer:
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SignalSystem(System):
     """One signal."""
-
-    initial_state: list[float] | None = None
 
     def __post_init__(self) -> None:
         if len(self.measurements) > 1:
@@ -96,6 +94,7 @@ class LevantDesign(Design):
     gains: LevantGains
 
     programs: ClassVar = {LevantDifferentiator: program}
+    keys: ClassVar = {"derivatives": "initial_state"}
     predicts: ClassVar[str] = "derivatives"
     records: ClassVar = {"levant": Example("signal", _RECORD)}
 
@@ -126,13 +125,6 @@ class LevantDesign(Design):
     def estimates(self) -> Mapping[str, tuple[NamedSignal, ...]]:
         """The signal and its derivatives."""
         return {"derivatives": self.states}
-
-    def start(self) -> LevantState | None:
-        """The initial derivatives, or None for the first measurement."""
-        initial = self.system.initial_state
-        if initial is None:
-            return None
-        return self.observer.init(as_vector("initial_state", initial, self.gains.order + 1))
 
     def certify(self) -> Certificate:
         """The error that some steps leave for a signal within the bound: L T^(n+1-i) of each."""

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, cast
 
 import numpy as np
 
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import allocating_kernel
-from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.rules import periods, rule_estimates
 from reobserve.estimation.families.signals import NamedSignal, variances
 from reobserve.estimation.observer_design import Certificate, Design, Estimates, System, pole_text
@@ -43,7 +43,6 @@ class LinearSystem(System):
     R: Array = field(default_factory=lambda: np.array(1.0))
     check: bool = True
     periods: dict[str, float | str] = field(default_factory=dict)
-    initial_state: list[float] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.states) or _rows(self.A)
@@ -55,8 +54,6 @@ class LinearSystem(System):
         shapes = {"A": (n, n), "B": (n, p), "C": (m, n), "D": (m, p)}
         for name, shape in shapes.items():
             check_shape(name, getattr(self, name), shape)
-        if self.initial_state is not None:
-            as_vector("initial_state", self.initial_state, n)
 
     @property
     def mean(self) -> Array:
@@ -101,6 +98,16 @@ class NoisySystem(LinearSystem):
     noise_memory: float | None = None
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BankSystem(NoisySystem):
+    """A linear system for a bank of filters, which skips outliers."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.outliers is not None:
+            raise InputError("outliers", "must be left out: a bank skips them")
+
+
 def _rows(matrix: Array) -> int:
     return len(matrix) if matrix.ndim else 0
 
@@ -130,8 +137,10 @@ class FilterDesign(Design):
         }  # fmt: skip
 
     def start(self) -> Any:
-        """Initial mean and covariance, at the first sample."""
-        return self.observer.init(self.system.mean, self.system.initial_covariance)  # type: ignore[attr-defined]
+        """Initial mean and covariance, at the first sample, and what ``keys`` names besides."""
+        observer, system = cast("Any", self.observer), self.system
+        others = {name: getattr(system, key) for name, key in self.keys.items()}
+        return observer.init(system.mean, system.initial_covariance, **others)
 
     def residual(self, y: Array, estimates: Estimates) -> Array:
         """The innovation, of a bank those of its filters, weighed by their probabilities."""
@@ -141,8 +150,13 @@ class FilterDesign(Design):
 
     @property
     def sigmas(self) -> Mapping[str, str]:
-        """The variance of the state, unless the gain is constant."""
-        return {} if isinstance(self.observer, FixedGainObserver) else {"state": "variance"}
+        """The variances of estimates, unless the gain is constant."""
+        if isinstance(self.observer, FixedGainObserver):
+            return {}
+        pairs = {name: f"{name}_variance" for name in self.estimates}
+        return {"state": "variance"} | {
+            name: pair for name, pair in pairs.items() if pair in self.estimates
+        }
 
     def spread(self, state: Any) -> Array | None:
         """The deviations that the filter predicts for the next innovation."""
@@ -160,8 +174,9 @@ class FilterDesign(Design):
 
     @property
     def unseen(self) -> tuple[str, ...]:
-        """Modes that stay as they start."""
-        return unobserved(self.system.model)
+        """Modes of a linear model that stay as they start, unless more than its state is found."""
+        model = self.system.model
+        return unobserved(model) if isinstance(model, LinearModel) and not self.keys else ()
 
 
 def unobserved(model: LinearModel, place: str = "model") -> tuple[str, ...]:

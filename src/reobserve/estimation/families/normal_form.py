@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,10 +10,10 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from reobserve.core.errors import InputError, nearest
-from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.linear_system import check_shape
 from reobserve.estimation.families.poles import Poles, stable_poles
-from reobserve.estimation.families.signals import NamedSignal, numbered
+from reobserve.estimation.families.signals import NamedSignal, named, numbered
 from reobserve.estimation.families.text_model import check_texts
 from reobserve.estimation.observer_design import (
     Certificate,
@@ -64,22 +63,22 @@ class NonlinearSystem(System):
     gain: Variant = "series"
     degree: int | None = None
     expanded: int = 9
-    initial_state: list[float] | None = None
 
     def __post_init__(self) -> None:
         check_texts(self)
         for key in self.injection or {}:
             if key not in self.states:
                 raise InputError(f"injection.{key}", f"is of no state{nearest(key, self.states)}")
-        if self.initial_state is not None:
-            as_vector("initial_state", self.initial_state, len(self.states))
 
     def built(self, **chosen: Any) -> NormalFormObserver:
         """The observer with poles, or with an injection (raises as `normal_form_observer`)."""
         higher = None
         if self.injection:
             higher = [self.injection.get(name, 0) for name in self.states]
-        try:
+        with named(
+            dynamics=("dynamics", self.states), output=("output", self.measurements),
+            higher=("injection", self.states),
+        ):  # fmt: skip
             return normal_form_observer(
                 [self.dynamics[name] for name in self.states],
                 [self.output[name] for name in self.measurements],
@@ -94,17 +93,6 @@ class NonlinearSystem(System):
                 gain=self.gain,
                 **chosen,
             )
-        except InputError as error:
-            raise error.renamed(self._place(error.parameter)) from None
-
-    def _place(self, parameter: str) -> str:
-        """The key of what a list has for it: ``dynamics[0]`` is that of the first state."""
-        match = re.fullmatch(r"(dynamics|output|higher)\[(\d+)\]", parameter)
-        if match is None:
-            return parameter
-        signals = self.measurements if match[1] == "output" else self.states
-        key = "injection" if match[1] == "higher" else match[1]
-        return f"{key}.{list(signals)[int(match[2])]}"
 
 
 @dataclass(frozen=True, eq=False)

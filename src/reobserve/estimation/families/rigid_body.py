@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.core.matrices import FloatArray
 from reobserve.core.validation import checked
 from reobserve.estimation.families.signals import NamedSignal, Signals, listed, numbered
 from reobserve.estimation.observer_design import Design, System
@@ -45,18 +45,13 @@ class BodySystem(System):
     inertia: Array
     input_matrix: Array = field(default_factory=lambda: np.eye(3))
     fault_matrix: Array = field(default_factory=lambda: np.eye(3))
-    initial_state: list[float] | None = None
     initial_fault: list[float] | None = None
 
     def __post_init__(self) -> None:
         if self.measurements:
             raise InputError("measurements", "must be left out: they are the states")
-        if self.initial_fault is not None:
-            as_vector("initial_fault", self.initial_fault, 3)
-            if self.initial_state is None:
-                raise InputError("initial_fault", "goes with an initial_state")
-        if self.initial_state is not None:
-            as_vector("initial_state", self.initial_state, 3)
+        if self.initial_fault is not None and self.initial_state is None:
+            raise InputError("initial_fault", "goes with an initial_state")
         for name, signals, unit in (
             ("states", self.states, "rad/s"), ("inputs", self.inputs, "N m"),
         ):  # fmt: skip
@@ -76,6 +71,7 @@ class BodyDesign(Design):
 
     system: BodySystem
 
+    keys: ClassVar = {"rate": "initial_state", "fault": "initial_fault"}
     predicts: ClassVar[str] = "rate"
 
     @property

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Annotated, NamedTuple
 
-from reobserve.core.errors import InputError, shown
+from reobserve.core.errors import InputError, nearest, shown
 from reobserve.core.units import check_unit, readings
 from reobserve.core.validation import checked
 
@@ -38,6 +39,30 @@ def check_signals(place: str, value: Mapping[str, str]) -> None:
 
 
 Signals = Annotated[dict[str, str], checked(check_signals)]
+
+
+def check_keys(place: str, texts: Mapping[str, object], signals: Mapping[str, str]) -> None:
+    """Refuse ``texts`` that are not one for each signal."""
+    for key in texts:
+        if key not in signals:
+            raise InputError(f"{place}.{key}", f"is of no signal{nearest(key, signals)}")
+    for key in signals:
+        if key not in texts:
+            raise InputError(f"{place}.{key}", "is missing; each signal needs one")
+
+
+@contextmanager
+def named(**lists: tuple[str, Iterable[str]]) -> Iterator[None]:
+    """Let an `InputError` of ``f[0]`` name the key of the first of the signals of f."""
+    keys = {
+        f"{name}[{i}]": f"{key}.{signal}"
+        for name, (key, signals) in lists.items() for i, signal in enumerate(signals)
+    }  # fmt: skip
+    try:
+        yield
+    except InputError as error:
+        place = re.sub(r"\w+\[\d+\]", lambda at: keys.get(at[0], at[0]), error.parameter)
+        raise error.renamed(place) from None
 
 
 def listed(signals: Mapping[str, str]) -> tuple[NamedSignal, ...]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Literal
@@ -18,7 +18,7 @@ from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.core.validation import NotNegative, Positive
 from reobserve.estimation.families.linear_system import FilterDesign
 from reobserve.estimation.families.rules import periods
-from reobserve.estimation.families.signals import NamedSignal, listed
+from reobserve.estimation.families.signals import NamedSignal, check_keys, listed, named
 from reobserve.estimation.observer_design import Certificate, System
 from reobserve.systems.nonlinear import NonlinearModel
 
@@ -46,14 +46,8 @@ RECORD = """\
 
 def check_texts(system: Any) -> None:
     """Refuse ``dynamics`` that are not of the states, ``output`` not of the measurements."""
-    for name, signals in (("dynamics", system.states), ("output", system.measurements)):
-        texts = getattr(system, name)
-        for key in texts:
-            if key not in signals:
-                raise InputError(f"{name}.{key}", f"is of no signal{nearest(key, signals)}")
-        for key in signals:
-            if key not in texts:
-                raise InputError(f"{name}.{key}", "is missing; each signal needs one")
+    check_keys("dynamics", system.dynamics, system.states)
+    check_keys("output", system.output, system.measurements)
     for name in system.inputs:
         if name in system.states:
             raise InputError(f"inputs.{name}", "is the name of a state, too")
@@ -87,7 +81,6 @@ class TextSystem(System):
     substeps: int | None = None
     Q: Array
     R: Array
-    initial_state: list[float] | None = None
     initial_covariance: Array
     parameter_states: dict[str, ParameterState] = field(default_factory=dict)
     periods: dict[str, float | str] = field(default_factory=dict)
@@ -157,16 +150,9 @@ class TextSystem(System):
             walks = {name: state.random_walk for name, state in self.parameter_states.items()}
             return model.with_parameter_states(walks) if walks else model
 
-    @contextmanager
-    def naming(self) -> Iterator[None]:
-        """Let an `InputError` of a text name its key: ``f[0]`` is that of the first state."""
-        keys = {f"f[{i}]": f"dynamics.{name}" for i, name in enumerate(self.states)}
-        keys |= {f"h[{i}]": f"output.{name}" for i, name in enumerate(self.measurements)}
-        try:
-            yield
-        except InputError as error:
-            place = re.sub(r"[fh]\[\d+\]", lambda match: keys[match[0]], error.parameter)
-            raise error.renamed(place) from None
+    def naming(self) -> AbstractContextManager[None]:
+        """Let an `InputError` of a text name its key."""
+        return named(f=("dynamics", self.states), h=("output", self.measurements))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -186,11 +172,6 @@ class TextFilterDesign(FilterDesign):
     def start(self) -> Any:
         """Initial mean and covariance, at the first sample."""
         return self.observer.init(self.system.mean, self.system.covariance)  # type: ignore[attr-defined]
-
-    @property
-    def unseen(self) -> tuple[str, ...]:
-        """None: what a nonlinear model hides depends on where it is."""
-        return ()
 
     def certify(self) -> Certificate:
         """Standard deviations of the first innovation, and of the state predicted a sample later.

@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from reobserve.core.errors import InputError, nearest
-from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.core.matrices import FloatArray
+from reobserve.estimation.families.signals import check_keys, named
 from reobserve.estimation.observer_design import System
 from reobserve.observers.fixed_step import check_rate
 from reobserve.synthesis.high_gain_design import lyapunov_matrix
@@ -29,7 +30,6 @@ class TriangularSystem(System):
     drift: dict[str, str | float]
     input_gain: str | float
     lipschitz: dict[str, dict[str, float]] | None = None
-    initial_state: list[float] | None = None
 
     def __post_init__(self) -> None:
         if not self.states:
@@ -42,11 +42,7 @@ class TriangularSystem(System):
             if measured != unit:
                 problem = f"has the unit {measured}, must have that of {first}, {unit}"
                 raise InputError(f"measurements.{name}", f"{problem}: it is measured")
-        for key in self.drift:
-            self._check_state(f"drift.{key}", key)
-        for key in self.states:
-            if key not in self.drift:
-                raise InputError(f"drift.{key}", "is missing; each state needs one, 0 for none")
+        check_keys("drift", self.drift, self.states)
         for row, bounds in (self.lipschitz or {}).items():
             self._check_state(f"lipschitz.{row}", row)
             for column, bound in bounds.items():
@@ -56,8 +52,6 @@ class TriangularSystem(System):
                     raise InputError(place, f"must not be stated: {row} is before {column}")
                 if not 0 <= bound < np.inf:
                     raise InputError(place, f"{bound:g} must be finite, 0 or more")
-        if self.initial_state is not None:
-            as_vector("initial_state", self.initial_state, len(self.states))
 
     def _check_state(self, place: str, name: str) -> None:
         if name not in self.states:
@@ -68,12 +62,8 @@ class TriangularSystem(System):
         """The model of f and G, compiled, or `InputError` for the key whose text cannot be."""
         names = list(self.states)
         drift = [str(self.drift[name]) for name in names]
-        try:
+        with named(drift=("drift", names)):
             return triangular_model(names, drift, str(self.input_gain))
-        except InputError as error:
-            places = {f"drift[{i}]": f"drift.{name}" for i, name in enumerate(names)}
-            place = places.get(error.parameter, error.parameter)
-            raise error.renamed(place) from None
 
     @property
     def start(self) -> Array:

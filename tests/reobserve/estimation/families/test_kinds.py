@@ -254,5 +254,5 @@ def test_rigid_body_starts_from_the_stated_rate_and_fault(kind: str) -> None:
     assert np.array_equal(*runs)
     for given, said in (({"initial_fault": fault}, "goes with"), ({"initial_state": rate,
                         "initial_fault": fault[:2]}, r"has shape \(2,\)")):  # fmt: skip
-        with pytest.raises(InputError, match=rf"^initial_fault: {said}"):
-            design(kind, **given)
+        with pytest.raises(InputError, match=rf"^initial_fault: {said}"), built.keyed():
+            design(kind, **given).start()

@@ -35,8 +35,8 @@ MODELS: list[tuple[str, dict[str, Any], str]] = [
     ("high-gain", {"inputs": {"a": "V", "b": "V"}}, "inputs: name 2 signals, must name one"),
     ("high-gain", {"states": {}}, "states: are none, must be one or more"),
     ("high-gain", {"measurements": SQUARE}, "measurements: name 2 signals, must name one, which"),
-    ("high-gain", {"drift": {"angle": 0}}, "drift.rate: is missing; each state needs one, 0 for"),
-    ("high-gain", {"drift": {"angle": 0, "rate": 0, "spin": 0}}, "drift.spin: is of no state"),
+    ("high-gain", {"drift": {"angle": 0}}, "drift.rate: is missing; each signal needs one"),
+    ("high-gain", {"drift": {"angle": 0, "rate": 0, "spin": 0}}, "drift.spin: is of no signal"),
     ("high-gain", {"lipschitz": {"angle": {"rate": 1}}}, "lipschitz.angle.rate: must not be"),
     ("high-gain", {"lipschitz": {"rate": {"spin": 1}}}, "lipschitz.rate.spin: is of no state"),
     ("extended-kalman", {"states": {}}, "states: are none, must be one or more"),
@@ -102,7 +102,7 @@ def test_decay_and_bound_cannot_be_combined() -> None:
 
 
 FILES: list[tuple[str, Any, str]] = [
-    ("certificate", None, "certificate: is missing; a design file needs it"),
+    ("certificate", None, "certificate.poles: is missing"),
     ("poles", None, "certificate.poles: is missing"),
     ("poles", [[0.9, 0.0]], "certificate.poles: must be 2 pairs of real and imaginary part"),
     ("beauty", 1.0, "certificate.beauty: is nothing that this kind of design certifies"),
