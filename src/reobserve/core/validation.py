@@ -167,7 +167,7 @@ def _sentence(error: ValidationError, kind: Any, tree: Any, place: str) -> Input
         if isinstance(value, Mapping):
             key = about["discriminator"].strip("'")
             here, value = join(here, key), value.get(key)
-            tags = ", ".join(_tags(schema, location))
+            tags = ", ".join(_at(schema, location)[0].get("discriminator", {}).get("mapping", {}))
             parts["one_of"] = _one_of(about.get("expected_tags", tags))
         else:
             problem = "dict_type"
@@ -261,11 +261,6 @@ def _title(schema: Any, location: Path) -> str:
     titles = [one.get("title", "") for one in _branches(node, defs) if "properties" in one]
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", titles[0]) if len(titles) == 1 else ""
     return words and f"the {words.strip('_').lower()}"
-
-
-def _tags(schema: Any, location: Path) -> list[str]:
-    node, _ = _at(schema, location)
-    return list(node.get("discriminator", {}).get("mapping", {}))
 
 
 def form(name: str) -> Tag:

@@ -16,7 +16,6 @@ Where the model does not hold without a fault either, take `false_alarm_threshol
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +25,8 @@ from scipy.special import chdtrc, chdtri, ndtr
 
 from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_numbers, as_positive, as_scalar
-from reobserve.detection.innovation_tests import as_windows, cusum, inflation_glr
+from reobserve.core.matrices import as_positive, as_scalar
+from reobserve.detection.innovation_tests import as_record, as_windows, cusum, inflation_glr
 
 Array = NDArray[np.float64]
 
@@ -140,7 +139,7 @@ def cusum_of_mean(values: ArrayLike, shift: float, false_alarm_rate: float) -> D
     >>> print(found.statistic, round(found.threshold, 2))
     [0.  0.  1.5 4.  6.  7.5] 4.0
     """
-    record = np.array(_as_values(values, (1,)))
+    record = as_record("values", values)
     allowance = as_positive("shift", shift) / 2.0
     rate = _as_rate(false_alarm_rate)
     both = [cusum(sign * record - allowance) for sign in (1.0, -1.0)]
@@ -175,7 +174,7 @@ def glr_of_mean(values: ArrayLike, lengths: ArrayLike, false_alarm_rate: float) 
     >>> print(found.statistic.round(2), round(found.threshold, 2))
     [0.01 0.08 2.   6.25] 6.06
     """
-    record = _as_values(values, (1, 2))
+    record = as_record("values", values, wide=True)
     rows = record if record.ndim == 2 else record[:, None]
     _, _, each = as_windows([], 1, lengths)
     rate = _as_rate(false_alarm_rate)
@@ -291,17 +290,6 @@ def _as_rate(value: float) -> float:
         problem = f"{rate:g} must be from {_LEAST:g} to {_MOST:g} alarms per sample"
         raise InputError("false_alarm_rate", problem)
     return rate
-
-
-def _as_values(value: ArrayLike, dimensions: Sequence[int]) -> Array:
-    record = as_numbers("values", value)
-    if record.ndim not in dimensions:
-        wanted = "(k,)" if 2 not in dimensions else "(k,) or (k, m)"
-        raise InputError("values", f"have shape {record.shape}, must be {wanted}")
-    infinite = np.isinf(record if record.ndim == 2 else record[:, None]).any(axis=1)
-    if infinite.any():
-        raise InputError("values", f"are infinite at row {int(np.argmax(infinite))}")
-    return record
 
 
 def _held(missing: NDArray[np.bool_], statistic: Array, start: float) -> Array:

@@ -55,7 +55,7 @@ def cusum(increments: ArrayLike, start: float = 0.0) -> Array:
     first = as_scalar("start", start)
     if first < 0:
         raise InputError("start", f"{first:g} must be 0 or more")
-    return _cusum(_as_record("increments", increments), first)
+    return _cusum(as_record("increments", increments), first)
 
 
 def inflation_glr(distances: ArrayLike, outputs: int, lengths: ArrayLike) -> Array:
@@ -131,7 +131,7 @@ def as_windows(
     distances: ArrayLike, outputs: int, lengths: ArrayLike
 ) -> tuple[Array, int, NDArray[np.int64]]:
     """The arguments of `inflation_glr`, checked (raises as it does)."""
-    record = _as_record("distances", distances)
+    record = as_record("distances", distances)
     if (record < 0).any():
         row = int(np.argmax(record < 0))
         raise InputError("distances", f"{record[row]:g} at row {row} must be 0 or more")
@@ -143,12 +143,14 @@ def as_windows(
     return record, m, values.astype(np.int64)
 
 
-def _as_record(name: str, value: ArrayLike) -> Array:
+def as_record(name: str, value: ArrayLike, *, wide: bool = False) -> Array:
+    """Numbers, shape (k,), or also (k, m) if they may be ``wide``, nan where missing."""
     record = as_numbers(name, value)
-    if record.ndim != 1:
-        raise InputError(name, f"have shape {record.shape}, must be (k,)")
+    if record.ndim != 1 and not (wide and record.ndim == 2):
+        problem = f"have shape {record.shape}, must be (k,)"
+        raise InputError(name, f"{problem} or (k, m)" if wide else problem)
     if np.isinf(record).any():
-        raise InputError(name, f"are infinite at row {int(np.argmax(np.isinf(record)))}")
+        raise InputError(name, f"are infinite at row {int(np.argwhere(np.isinf(record))[0, 0])}")
     return record
 
 

@@ -16,7 +16,6 @@ leaves the radii negligible: ``with flint.ctx.workprec(400): M = ball_matrix(P) 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,17 +31,6 @@ if TYPE_CHECKING:
 _PRECISIONS = (53, 106, 212, 424)  # bits of the midpoints
 
 
-@dataclass(frozen=True)
-class Proof:
-    """Proof about a symmetric matrix M, of neither if M is singular or its balls too wide.
-
-    ``proved`` says that M is negative definite, ``refuted`` that it has an eigenvalue above zero.
-    """
-
-    proved: bool
-    refuted: bool
-
-
 def ball_matrix(values: ArrayLike) -> arb_mat:
     """Floats as balls of radius zero, shape (rows, columns)."""
     package("flint", "calculate in balls")
@@ -54,8 +42,10 @@ def ball_matrix(values: ArrayLike) -> arb_mat:
     return arb_mat(array.tolist())
 
 
-def prove_negative_definite(matrix: arb_mat | ArrayLike) -> Proof:
-    """Prove that a symmetric matrix M is negative definite, or that it is not.
+def prove_negative_definite(matrix: arb_mat | ArrayLike) -> bool | None:
+    """Prove that a symmetric matrix M is negative definite (True), or that it is not (False).
+
+    False says that M has an eigenvalue above zero, None that M is singular or its balls too wide.
 
     Parameters
     ----------
@@ -78,10 +68,10 @@ def prove_negative_definite(matrix: arb_mat | ArrayLike) -> Proof:
         with ctx.workprec(bits):
             sign = _sign(balls)
             if sign < 0:
-                return Proof(True, False)
+                return True
             if sign > 0 or _form(balls, vector) > 0:
-                return Proof(False, True)
-    return Proof(False, False)
+                return False
+    return None
 
 
 def is_negative_definite(matrix: arb_mat) -> bool:

@@ -35,8 +35,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammainc
 
+from reobserve.core.arguments import as_whole
 from reobserve.core.covariances import as_positive_definite
-from reobserve.core.errors import InputError, shown
+from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_positive
 
 Array = NDArray[np.float64]
@@ -57,7 +58,7 @@ def lyapunov_matrix(size: int, rho: float) -> Array:
     Array
         Shape (N, N); entry (i, j) in s^(i+j+1).
     """
-    size, rho = _as_size(size), as_positive("rho", rho)
+    size, rho = as_whole("size", size, 1, _LARGEST), as_positive("rho", rho)
     index = np.arange(size)
     with np.errstate(over="ignore"):
         matrix = _at_one(size) * _powers(2 * size - 1, rho, -1.0)[index[:, None] + index]
@@ -87,7 +88,7 @@ def high_gain(size: int, rho: float) -> Array:
         If ``size`` is not a whole number above zero, or ``rho`` is not positive or so large that
         a gain is beyond the range of floating-point numbers.
     """
-    size, rho = _as_size(size), as_positive("rho", rho)
+    size, rho = as_whole("size", size, 1, _LARGEST), as_positive("rho", rho)
     scale = _powers(size, rho, 1.0)
     with np.errstate(over="ignore"):
         gain = np.array([float(comb(size, i + 1)) for i in range(size)]) * scale
@@ -120,7 +121,7 @@ def high_gain_over_time(size: int, rho: float, initial: ArrayLike, times: ArrayL
         If ``initial`` is of another shape, not symmetric or not positive definite, a time is
         negative or not finite, or as `high_gain`.
     """
-    size, rho = _as_size(size), as_positive("rho", rho)
+    size, rho = as_whole("size", size, 1, _LARGEST), as_positive("rho", rho)
     if size >= _LARGEST_OVER_TIME:
         problem = f"{size} must be below {_LARGEST_OVER_TIME}, its factorial is needed"
         raise InputError("size", problem)
@@ -161,14 +162,6 @@ def _at_one(size: int) -> Array:
     """S for rho = 1: binomials with alternating signs."""
     rows = [[(-1) ** (i + j) * comb(i + j, i) for j in range(size)] for i in range(size)]
     return np.array(rows, dtype=np.float64)
-
-
-def _as_size(size: int) -> int:
-    if not isinstance(size, int | np.integer) or isinstance(size, bool) or size < 1:
-        raise InputError("size", f"{shown(size)} must be a whole number, 1 or more")
-    if size > _LARGEST:
-        raise InputError("size", f"{shown(size)} makes gains beyond floating-point numbers")
-    return int(size)
 
 
 def _powers(size: int, rho: float, sign: float) -> Array:

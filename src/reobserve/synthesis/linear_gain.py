@@ -289,11 +289,8 @@ def unobservable_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
 
 
 def _unit(rows: Array) -> Array:
-    return rows / _nonzero(np.linalg.norm(rows, axis=1, keepdims=True))
-
-
-def _nonzero(sizes: Array) -> Array:
-    return np.where(sizes > 0, sizes, 1.0)
+    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
+    return rows / np.where(sizes > 0, sizes, 1.0)
 
 
 def _pair(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:

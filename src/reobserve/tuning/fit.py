@@ -23,7 +23,7 @@ from reobserve.core.errors import InputError, one_line, shown
 from reobserve.core.progress import progress
 from reobserve.observers.gaussian_state import VagueStartWarning
 from reobserve.tuning.optimisers import sobol
-from reobserve.tuning.search import EDGE, FAILURES, Range, Settings, as_ranges
+from reobserve.tuning.search import FAILURES, Range, Settings, as_ranges, edges_of
 
 Array = NDArray[np.float64]
 
@@ -152,14 +152,10 @@ def fit(
             key=lambda descent: descent[0],
         )
         place, value = best[1], -best[0]
-        edges = {
-            name: "low" if at < EDGE else "high"
-            for name, at in zip(bounds, place, strict=True)
-            if not EDGE <= at <= 1 - EDGE
-        }
+        edges = edges_of(dict(zip(bounds, place.tolist(), strict=True)))
         inside = [_AT_END < at < 1.0 - _AT_END for at in place]
         covariance = _covariance(likelihood, place, inside)
-    values = {name: _at(span, at) for (name, span), at in zip(bounds.items(), place, strict=True)}
+    values = {name: span.value(at) for (name, span), at in zip(bounds.items(), place, strict=True)}
     slopes = np.array([_slope(span, values[name]) for name, span in bounds.items()])
     covariance = covariance * np.outer(slopes, slopes)
     errors = np.sqrt(np.diag(covariance)).tolist()
@@ -203,7 +199,7 @@ class _Likelihood:
             raise InputError("budget", problem)
         self.evaluations += 1
         pairs = zip(self.bounds.items(), place, strict=True)
-        values = {name: _at(span, float(at)) for (name, span), at in pairs}
+        values = {name: span.value(float(at)) for (name, span), at in pairs}
         try:
             total = self._total(self.make(values))
         except _MisuseError as error:
@@ -241,13 +237,6 @@ class _Likelihood:
             raise _MisuseError("records", "have no measurement")
         self.measured = measured
         return -total if math.isfinite(total) else _WORST
-
-
-def _at(span: Range, place: float) -> float:
-    """The value at a place of a range, from 0 to 1, to all digits."""
-    if span.scale == "log":
-        return float(math.exp((1 - place) * math.log(span.low) + place * math.log(span.high)))
-    return (1 - place) * span.low + place * span.high
 
 
 def _slope(span: Range, value: float) -> float:

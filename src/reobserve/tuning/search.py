@@ -31,7 +31,7 @@ Outcome = tuple[float, int, str]  # the objective, failed records, and why the l
 
 SCALES = ("log", "linear")
 FAILURES = (ReobserveError, ArithmeticError, np.linalg.LinAlgError)
-EDGE = 0.02  # of a range: a best setting that is nearer to an end is flagged
+_EDGE = 0.02  # of a range: a best setting that is nearer to an end is flagged
 _DIGITS = 6  # of a setting
 SMALLEST = 1e-12  # a score below it counts as this: the logarithm of zero has no mean
 _MOST = 1_000_000  # evaluations, or records
@@ -52,13 +52,15 @@ class Range:
         if not low < high:
             raise InputError("high", f"{high:g} must be greater than the lower end, {low:g}")
 
+    def value(self, place: float) -> float:
+        """The setting at a place from 0 to 1, to all digits."""
+        if self.scale == "log":
+            return math.exp((1 - place) * math.log(self.low) + place * math.log(self.high))
+        return (1 - place) * self.low + place * self.high
+
     def at(self, place: float) -> float:
         """The setting at a place from 0 to 1, to six digits."""
-        if self.scale == "log":
-            value = math.exp((1 - place) * math.log(self.low) + place * math.log(self.high))
-        else:
-            value = (1 - place) * self.low + place * self.high
-        return min(max(float(f"{value:.{_DIGITS}g}"), self.low), self.high)
+        return min(max(float(f"{self.value(place):.{_DIGITS}g}"), self.low), self.high)
 
     def place(self, value: float) -> float:
         """The place of a setting, from 0 to 1."""
@@ -209,12 +211,16 @@ def tune(
         raise InputError("ranges", f"{problem}; the last one: {reason}")
     best = min(history, key=lambda trial: trial.objective)
     places = {name: span.place(best.settings[name]) for name, span in bounds.items()}
-    edges = {
-        name: "low" if place < EDGE else "high"
+    return Tuned(best.settings, best.objective, tuple(history), edges_of(places))
+
+
+def edges_of(places: Mapping[str, float]) -> dict[str, str]:
+    """The ends, ``low`` or ``high``, of those places from 0 to 1 that are near to one."""
+    return {
+        name: "low" if place < _EDGE else "high"
         for name, place in places.items()
-        if not EDGE <= place <= 1 - EDGE
+        if not _EDGE <= place <= 1 - _EDGE
     }
-    return Tuned(best.settings, best.objective, tuple(history), edges)
 
 
 def as_ranges(ranges: Any) -> dict[str, Range]:

@@ -81,8 +81,7 @@ def estimates_of(
     DivergenceError
         If it diverges, without the search for the cause that `Observer.run` makes.
     """
-    estimate: Array = _run(observer, y, u, options)[name]
-    return estimate
+    return estimates_with(name, observer, name, y, u, **options).values
 
 
 def estimates_with(
@@ -96,17 +95,10 @@ def estimates_with(
     DivergenceError
         As `estimates_of`.
     """
-    run = _run(observer, y, u, options)
-    return Estimates(run[name], run[covariance])
-
-
-def _run(
-    observer: Observer[Any], y: ArrayLike, u: ArrayLike | None, options: Mapping[str, Any]
-) -> Any:
     run = observer.run(y, u, on_divergence="return", **options)
     if run.diverged_at is not None:
         raise DivergenceError(type(observer).__name__, run.diverged_at)
-    return run
+    return Estimates(run[name], run[covariance])
 
 
 @dataclass(frozen=True)

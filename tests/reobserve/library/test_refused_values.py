@@ -48,8 +48,8 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
         "y_before: has shape (2, 3), must be (1, 3)",
     ),
     (lambda: as_pole_list("poles", -3.0), "poles: -3.0 must be a list of poles, as [-2, -3]"),  # type: ignore[arg-type]
-    (lambda: lyapunov_matrix(501, 1.0), "size: 501 makes gains beyond floating-point numbers"),
-    (lambda: high_gain(0, 1.0), "size: 0 must be a whole number, 1 or more"),
+    (lambda: lyapunov_matrix(501, 1.0), "size: 501 must be a whole number, from 1 to 500"),
+    (lambda: high_gain(0, 1.0), "size: 0 must be a whole number, from 1 to 500"),
     (lambda: certify(1.0, 1.0, 0.5, 0.0), "K2: must not be zero, the estimate would never change"),
     (lambda: certify(1.0, 1.0, 0.5, 0.1, eta=-1.0), "eta: -1 must not be below zero"),
 ]  # fmt: skip

@@ -358,8 +358,8 @@ def test_wrong_states_are_refused() -> None:
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: high_gain(0, 1.0), "size: 0 must be a whole number, 1 or more"),
-        (lambda: high_gain(2.0, 1.0), "size: 2.0 must be a whole number, 1 or more"),
+        (lambda: high_gain(0, 1.0), "size: 0 must be a whole number, from 1 to 500"),
+        (lambda: high_gain(2.0, 1.0), "size: 2.0 must be a whole number, from 1 to 500"),
         (lambda: high_gain(2, -1.0), "rho: -1 must be greater than zero"),
         (lambda: lyapunov_matrix(3, 0.0), "rho: 0 must be greater than zero"),
         (

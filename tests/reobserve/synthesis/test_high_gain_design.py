@@ -62,8 +62,8 @@ def test_sizes_and_numbers_beyond_the_range_are_refused() -> None:
     assert len(high_gain(500, 1e-2)) == 500
     assert high_gain_over_time(170, 1.0, 1.0, [0.0]).shape == (1, 170)
     for call, said in (
-        (lambda: high_gain(501, 1e-2), "size: 501 makes gains beyond"),
-        (lambda: high_gain(0, 1.0), "size: 0 must be a whole number, 1 or more"),
+        (lambda: high_gain(501, 1e-2), "size: 501 must be a whole number, from 1 to 500"),
+        (lambda: high_gain(0, 1.0), "size: 0 must be a whole number, from 1 to 500"),
         (lambda: high_gain(True, 1.0), "size: True must be a whole number"),
         (lambda: high_gain(2, 1e200), "rho: 1e\\+200 1/s must keep S and the gains inside"),
         (lambda: lyapunov_matrix(2, 1e-150), "rho: 1e-150 1/s must keep S"),

@@ -187,7 +187,7 @@ def _prove(
     from flint import arb_mat, ctx
 
     variables = replace(variables, P1=(variables.P1 + variables.P1.T) / 2.0)
-    if not prove_negative_definite(-variables.P1).proved:
+    if not prove_negative_definite(-variables.P1):
         return "P1 is not proved to be positive definite"
     with ctx.workprec(_BITS):
         exact = mapped(variables, in_balls).with_gains(Gains(in_balls(gains.L), in_balls(gains.Ld)))
@@ -196,7 +196,7 @@ def _prove(
             for rows in exact.inequalities(system, gamma, decay, bound)
         ]
     proofs = [prove_negative_definite(side) for side in sides]
-    if all(proof.proved for proof in proofs):
+    if all(proofs):
         return ""
-    verdict = "refuted" if any(proof.refuted for proof in proofs) else "not proved"
+    verdict = "refuted" if False in proofs else "not proved"
     return f"the matrix inequality is {verdict} at the returned matrices"

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.core.arguments import as_kind, as_whole
 from reobserve.core.errors import InputError
@@ -67,7 +66,12 @@ class NormalFormProblem:
             raise InputError("injection", "must be zero for the output zero")
         if self.injection.exact != self.system.dynamics.exact:
             raise InputError("injection", "must be exact if the system is, and only then")
-        check_stable(self.system, self.A.astype(np.float64))
+        eigenvalues = np.linalg.eigvals(self.A.astype(np.float64))
+        if not np.max(eigenvalues.real) < 0:
+            refuse_undetectable(self.system)  # where no gain could make it stable
+            listed = ", ".join(f"{value:.6g}" for value in eigenvalues)
+            problem = f"makes A = F + L0 H with the eigenvalues {listed}; all real parts must be "
+            raise InputError("injection", f"{problem}negative")
         _ = self.basis
 
     @cached_property
@@ -95,19 +99,6 @@ class NormalFormProblem:
     def injected(self) -> Coefficients:
         """l(h(x)) up to the degree, shape (n, N)."""
         return self.injection.after(self.system.output, self.degree).coefficients
-
-
-def check_stable(system: PolynomialSystem, A: NDArray[np.float64]) -> None:
-    """Refuse an A that is not stable, and say so if no gain could make it so."""
-    eigenvalues = np.linalg.eigvals(A)
-    if np.max(eigenvalues.real) < 0:
-        return
-    refuse_undetectable(system)
-    listed = ", ".join(f"{value:.6g}" for value in eigenvalues)
-    raise InputError(
-        "injection",
-        f"makes A = F + L0 H with the eigenvalues {listed}; all real parts must be negative",
-    )
 
 
 def refuse_undetectable(system: PolynomialSystem) -> None:

@@ -8,7 +8,6 @@ from its degree on large, and costs as many digits as it is small.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +25,13 @@ class Resonance:
     """The smallest divisor of a series: |m.alpha - lambda| over 2 <= |m| <= the degree.
 
     ``distance`` [1/s], the ``powers`` m and the ``eigenvalue`` lambda where it is found; ``size``
-    is the larger of |m.alpha| and |lambda| there. ``poincare`` says whether the eigenvalues of F
-    lie on one side of a line through zero: then the series of S converges (Proposition 3.6).
+    is the larger of |m.alpha| and |lambda| there.
     """
 
     distance: float
     powers: tuple[int, ...]
     eigenvalue: complex
     size: float
-    poincare: bool
 
 
 def resonance(F: NDArray[np.float64], A: NDArray[np.float64], basis: Monomials) -> Resonance:
@@ -52,7 +49,6 @@ def resonance(F: NDArray[np.float64], A: NDArray[np.float64], basis: Monomials) 
         tuple(int(power) for power in powers[row]),
         complex(lambdas[column]),
         float(max(abs(sums[row]), abs(lambdas[column]))),
-        in_poincare_domain(alpha),
     )
 
 
@@ -75,15 +71,3 @@ def check_nonresonant(problem: NormalFormProblem) -> Resonance | None:
             f"{sum(closest.powers)}",
         )
     return closest
-
-
-def in_poincare_domain(eigenvalues: NDArray[Any]) -> bool:
-    """True if zero lies outside the convex hull of the eigenvalues.
-
-    Thomas, Kwatny & Chang, Definition 3.4.
-    """
-    if np.any(np.abs(eigenvalues) <= 1e-12 * np.max(np.abs(eigenvalues))):
-        return False
-    angles = np.sort(np.angle(eigenvalues))
-    gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
-    return bool(np.max(gaps) > np.pi + 1e-12)

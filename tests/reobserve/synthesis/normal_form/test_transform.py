@@ -25,7 +25,7 @@ from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.normal_form.identity_gain import GAINS, gain_at
 from reobserve.synthesis.normal_form.placement import injection_for
-from reobserve.synthesis.normal_form.resonance import in_poincare_domain, resonance
+from reobserve.synthesis.normal_form.resonance import resonance
 from reobserve.synthesis.normal_form.transform import NormalForm, normal_form
 from reobserve.systems.polynomial import PolynomialSystem
 from tests.reobserve.synthesis.normal_form.systems import (
@@ -180,7 +180,6 @@ def test_smallest_divisor_of_the_example_agrees_with_hand_calculation() -> None:
     assert found.eigenvalue.real == pytest.approx(-0.5)
     assert abs(found.eigenvalue.imag) == pytest.approx(np.sqrt(11) / 2)
     assert found.size == pytest.approx(2.0)
-    assert found.poincare
 
 
 def test_resonance_agrees_with_a_brute_force_search() -> None:
@@ -204,22 +203,6 @@ def test_resonant_poles_are_refused_with_m_and_lambda() -> None:
         assert part in said
     below = normal_form_observer(*REVERSED, order=2, sampling_period=0.1, poles=[-2, -3.5])
     assert below.normal_form.S.degree == 3
-
-
-@pytest.mark.parametrize(
-    ("eigenvalues", "inside"),
-    [
-        ([-1.0, -2.0], True), ([1.0, 3.0, 0.1], True), ([-1.0, 1.0], False), ([2.0], True),
-        ([1j, -1j], False), ([1j, -1j, -1.0], False), ([-1 + 5j, -1 - 5j, -0.01], True),
-        ([0.5 + 1j, 0.5 - 1j, -0.1], False), ([0.0, -1.0], False), ([-1.0, -1.0], True),
-        ([np.exp(0.1j), np.exp(2.2j), np.exp(4.3j)], False), ([1j, 1.0], True),
-        ([1e-17, 5.0], False),  # zero up to rounding
-    ],
-)  # fmt: skip
-def test_poincare_and_siegel_domains_are_distinguished(
-    eigenvalues: list[complex], inside: bool
-) -> None:
-    assert in_poincare_domain(np.array(eigenvalues)) is inside
 
 
 # -- placement

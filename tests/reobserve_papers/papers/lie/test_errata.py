@@ -18,7 +18,6 @@ from reobserve.core.errors import InputError
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
-from reobserve.synthesis.normal_form.resonance import in_poincare_domain
 from reobserve.synthesis.normal_form.solver import solver_for
 from reobserve_papers.papers.lie.lie_transform import lie_transform
 from tests.reobserve.synthesis.normal_form.systems import (
@@ -93,6 +92,12 @@ def test_sums_of_eigenvalues_have_integer_coefficients() -> None:
     problem = case.problem(degree)
     S = to_polynomials(PolynomialMap(problem.basis, solve_s(problem, solver_for(problem))))
     assert lowest_degree(case.residual_of_s([y.ring(p) for p in S])) > degree
+
+
+def in_poincare_domain(eigenvalues: Any) -> bool:
+    """True if zero lies outside the convex hull of the eigenvalues (Definition 3.4)."""
+    angles = np.sort(np.angle(eigenvalues))
+    return bool(np.diff([*angles, angles[0] + 2 * np.pi]).max() > np.pi)
 
 
 def test_poincare_domain_of_a_excludes_nothing() -> None:
