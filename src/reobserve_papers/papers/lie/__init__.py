@@ -5,6 +5,7 @@ What no code computes, and why:
 - (2): a general form, of which the identity observer (11) is a case
 - Lemma 2.2, (3) and (4): a general form, of which the normal form (6), (7) is a case
 - (5): a step of the proof of Lemma 2.2
+- Definition 3.4: a definition; the test of the erratum `poincare_domain_of_a` computes it
 - Proposition 3.6: a theorem from the literature; the claim `series_converge` and the erratum
   `nonresonance_of_a` test how it is used
 - Remark 3.7: the claims `series_converge` and `siegel_domain` and the errata `nonresonance_of_a`
