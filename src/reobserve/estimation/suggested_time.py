@@ -11,20 +11,18 @@ from itertools import pairwise, product
 from statistics import median
 from typing import Any
 
-from reobserve.core.errors import InputError
 from reobserve.core.units import readings
-from reobserve.estimation.dates import DURATION, ISO, SPELLED_DURATION, looks_dated
-from reobserve.estimation.layout import split_title
-from reobserve.estimation.quantities import conversion
+from reobserve.estimation.dates import DURATION, ISO, SPELLED_DURATION, moment
 
 DAY = re.compile(r"\d{1,4}([-./])\d\d?\1\d{1,4}|\d\d?([-./ ])[A-Z][a-z]{2}\2\d{2,4}")
 HOUR = re.compile(r"\d\d?:\d\d?(:\d\d?([.,]\d+)?)?( ?[AaPp][Mm])?")
-DATE = re.compile(rf"(?:{DAY.pattern})[T ,_]{{1,2}}(?:{HOUR.pattern})(Z| ?[+-]\d\d:?\d\d)?")
+DATE = re.compile(
+    rf"(?:{DAY.pattern})[-T ,_]{{1,2}}(?:{HOUR.pattern}|\d\d-\d\d-\d\d)(Z| ?[+-]\d\d:?\d\d)?"
+)
 _SPAN = re.compile(r"(\d+ ?d(ays?)?,? )?\d+:\d\d?(:\d\d?)?([.,]\d+)?( ?[AaPp][Mm])?")
-_HALF = re.compile(r"[AaPp][Mm]")  # of a day
-_DASHED = re.compile(r"\d{4}-\d\d-\d\d([-_T ])\d\d-\d\d-\d\d")
 _COMPACT = re.compile(r"(19|20)\d\d[01]\d[0-3]\d([0-2]\d){0,1}([0-5]\d){0,2}")
 _CLOCK = re.compile(r"([01]\d|2[0-3])[0-5]\d[0-5]\d")  # as 101559 for 10:15:59
+_PARTS = re.compile(r"(\d\d|(?:19|20)\d\d) \d\d?( \d\d?){2,4}")
 _TITLE = re.compile(
     r"time|zeit|stamp|clock|epoch|date|datum|hora|fecha|^t$|^x_value$|^t[\W_]|(?<![a-z])[munµ]?s(ec)?$|"
     r"(milli|micro)s$|seconds$", re.IGNORECASE
@@ -37,18 +35,20 @@ _UNIT = re.compile(  # that ends a title, as in time_us and TimeUS
 _EPOCHS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _SINCE, _UNTIL = 9.4e8, 4.2e9  # [s] from 1970 to about 2000 and 2100
 _SLOW = 20.0  # [s] between samples, that may be microseconds since a start, too
-_PARTS = re.compile(r"(\d\d|(?:19|20)\d\d) \d\d?( \d\d?){2,4}")
-_HOURS = (
-    "%H:%M", "%H:%M:%S", "%H:%M:%S.%f", "%H:%M:%S,%f", "%I:%M %p", "%I:%M:%S %p", "%I:%M%p",
-    "%I:%M:%S%p",
-)  # fmt: skip
-_CLOCKS = ("%H%M%S", "%H%M%S.%f", "%H%M%S,%f")
 _A_DAY = "2000-01-01"  # on which times of day are read, to see how they go on
 _DAY = 86400.0  # [s]
 _FINE = 1e-4  # between samples, which is no time in seconds, but may be one in days
-_FORMS = ("%Y", "%m", "%d", "%H", "%M", "%S")
 _FEW = 9  # cells that rise by chance
 _LOOKED_AT = 2000  # cells of a column
+# Directives of the days of dates by the mark between their parts, and of hours behind them.
+_DAYS = {
+    "/": ("d m Y", "m d Y", "Y m d", "d m y", "m d y"), ".": ("d m Y", "Y m d", "d m y"),
+    "-": ("d m Y", "m d Y", "Y m d", "d m y", "m d y", "y m d"), " ": ("Y m d", "y m d"),
+}  # fmt: skip
+_HOURS = ("", "H", "H M", "H M S", "H M S f", "I M p", "I M S p")
+_CLOCKS = ("%H%M%S", "%H%M%S.%f", "%H%M%S,%f")
+_ZONE = re.compile(r"(:\d\d(?:[.,]\d+)?)( ?)([+-]\d\d:?\d\d|Z)$")
+_VALUES = re.compile(r"(\d+|[A-Z][a-z]{2}|[AaPp][Mm])")
 
 Column = Sequence[str]
 Number = Callable[[str], float | None]
@@ -70,20 +70,19 @@ class Unsure:
 
 def find_time(
     titles: Sequence[str],
+    units: Sequence[str],
     columns: Sequence[Column],
     number: Number,
     unsure: Unsure,
-    units: Sequence[str] = (),
 ) -> dict[str, Any]:
     """The key `time`, if columns look like timestamps. Where it is in doubt, it is the likeliest.
 
-    A ``number`` is read from a cell, None if it has none; ``units`` are not in the titles.
+    A ``number`` is read from a cell, None if it has none.
     """
     some = [list(column[:_LOOKED_AT]) for column in columns[: len(titles)]]
-    titles = titles[: len(some)]
     found = [group for group in _groups(titles, some) if len({*group[1]}) > 1 or len(some[0]) == 1]
     if not found:
-        return _numbered(titles, some, number, unsure, [*units, *[""] * len(titles)])
+        return _numbered(titles, units, some, number, unsure)
     (names, cells), *others = found
     _mention(names[0], [other[0] for other, _ in others], unsure)
     return _dated(names, cells, unsure)
@@ -98,30 +97,31 @@ def _mention(chosen: str, others: Sequence[str], unsure: Unsure) -> None:
 
 def _groups(titles: Sequence[str], columns: Sequence[Column]) -> list[tuple[list[str], Column]]:
     """Columns of dates, and those that are parts of one, those of dates with hours first."""
-    found = list[tuple[int, int, int]]()
-    for k, cells in enumerate(columns):
-        compact = _all(_COMPACT, cells) and _rises(cells, float)
-        if _all(DATE, cells) or _all(_DASHED, cells) or compact:
-            found.append((1, k, 1))
-        elif _all(DAY, cells):
-            hours = k + 1 < len(columns) and _all(HOUR, columns[k + 1])
-            half = hours and k + 2 < len(columns) and _all(_HALF, columns[k + 2])
-            found.append((2, k, 1 + hours + half))
-        elif _all(_SPAN, cells):
-            found.append((4, k, 1))
-        for count in (6, 5, 4) if cells[:1] and cells[0].isdigit() else ():
-            joined = list(map(" ".join, zip(*columns[k : k + count], strict=True)))
-            if k + count <= len(columns) and _all(_PARTS, joined):
-                form = next(iter(_forms(joined[0])), "")
-                dates = [date for cell in joined if (date := _read(form, cell))]
-                if 0.9 * len(joined) < len(set(dates)) and dates == sorted(dates):
-                    found.append((3, k, count))
-                    break
-    taken = {j for _, k, count in found for j in range(k + 1, k + count)}
-    return [
-        (list(titles[k : k + n]), list(map(" ".join, zip(*columns[k : k + n], strict=True))))
-        for _, k, n in sorted(found) if k not in taken
-    ]  # fmt: skip
+    found, taken = list[tuple[int, int, list[str], Column]](), 0
+    for k, count in product(range(len(columns)), range(6, 0, -1)):
+        if taken <= k <= len(columns) - count:
+            rows = zip(*columns[k : k + count], strict=True)
+            joined = [" ".join(row).strip() for row in rows]
+            if order := _order(joined, count):
+                found.append((order, k, list(titles[k : k + count]), joined))
+                taken = k + count
+    return [(names, cells) for _, _, names, cells in sorted(found)]
+
+
+def _order(cells: Column, count: int) -> int:
+    """The place of dates in a number of columns among others, 0 if they are none."""
+    if count > 3:
+        dates = []
+        if _all(_PARTS, cells) and (forms := _forms(cells[0])):
+            dates = [date for cell in cells if (date := _read(forms[0], cell))]
+        return 3 * (0.9 * len(cells) < len(set(dates)) and dates == sorted(dates))
+    if _all(DATE, cells):
+        return 1 if count == 1 else 2
+    if count > 1:
+        return 0
+    if _all(_COMPACT, cells):
+        return int(_rises(cells, float))
+    return 2 if _all(DAY, cells) else 4 * _all(_SPAN, cells)
 
 
 def _all(form: re.Pattern[str], cells: Column) -> bool:
@@ -149,19 +149,21 @@ def _rises(cells: Column, number: Number, named: bool = False) -> bool:
 
 def _numbered(
     titles: Sequence[str],
+    units: Sequence[str],
     columns: Sequence[Column],
     number: Number,
     unsure: Unsure,
-    units: Sequence[str],
 ) -> dict[str, Any]:
     """The column of numbers that looks most like time."""
     words = [re.sub(r"[^\w ].*", "", title.lstrip("%# ")).strip() for title in titles]
     timed = [_TITLE.search(word) is not None or is_time(unit)
-             for word, unit in zip(words, units, strict=False)]  # fmt: skip
+             for word, unit in zip(words, units, strict=True)]  # fmt: skip
     counts = [_COUNTER.search(word) is not None for word in words]
-    rising = [k for k, cells in enumerate(columns) if _rises(cells, number, timed[k] or counts[k])]
-    said = [split_title(title)[1] for title in titles]
-    rising = [k for k in rising if is_time(said[k]) or not readings(said[k])]
+    rising = [
+        k for k, cells in enumerate(columns)
+        if _rises(cells, number, timed[k] or counts[k])
+        and (is_time(units[k]) or units[k] == "-" or not readings(units[k]))
+    ]  # fmt: skip
     named = [k for k in rising if timed[k]]
     largest = [k for k in rising if (number(columns[k][0]) or 0.0) > _SINCE]
     chosen = next(iter([*(k for k in named if k in largest), *named, *largest, *rising]), None)
@@ -179,14 +181,13 @@ def _numbered(
         even = all(abs(one - step) <= 0.01 * step for one in steps) and not counts[chosen]
         problem = f"{title!r} rises, and may be another quantity than time"
         unsure.of("columns.time.column", problem, ask=not even)
-    if is_time(said[chosen]):
-        return {"column": title}
-    unit = units[chosen] if is_time(units[chosen]) else ""
-    if match := None if said[chosen] else _UNIT.search(title.strip()):
-        unit = {"millis": "ms", "micros": "us"}.get(match[1].lower(), match[1].lower())
-    if not unit and (time := _clocked(title, columns[chosen], values, unsure)):
-        return time
-    return {"column": title, "unit": unit or _unit_of(title, values, step, unsure)}
+    if is_time(unit := units[chosen]):
+        return {"column": title, "unit": unit}
+    if match := None if unit else _UNIT.search(title.strip()):
+        found = match[1].lower()
+        return {"column": title, "unit": {"millis": "ms", "micros": "us"}.get(found, found)}
+    clocked = _clocked(title, columns[chosen], values, unsure)
+    return clocked or {"column": title, "unit": _unit_of(title, values, step, unsure)}
 
 
 def _unit_of(title: str, values: Sequence[float], step: float, unsure: Unsure) -> str:
@@ -227,22 +228,18 @@ def _unevenness(numbers: Sequence[float], wrap: float) -> float:
 
 def is_time(unit: str) -> bool:
     """True if a unit is one of time."""
-    try:
-        conversion("unit", unit, "s")
-    except InputError:
-        return False
-    return True
+    return any(one.dimensionality == {"[time]": 1.0} for one in readings(unit))
 
 
 def _dated(names: list[str], cells: Column, unsure: Unsure) -> dict[str, Any]:
     """The key `time` of columns of dates."""
     known = [cell for cell in cells if cell]
     time: dict[str, Any] = {"column": names[0] if len(names) == 1 else names}
-    if all(map(_is_iso, known)):
-        return {**time, "unit": _with_offset(datetime.fromisoformat(known[0]), ISO, unsure)}
     if all(map(SPELLED_DURATION.fullmatch, known)) and not all(_read("%H:%M:%S", c) for c in known):
         return {**time, "unit": DURATION}
     forms = {form: None for cell in (known[0], known[len(known) // 2]) for form in _forms(cell)}
+    if all(_read("", cell) for cell in known):
+        forms = {"": None}  # of ISO 8601
     read = {form: [_read(form, cell) for cell in known] for form in forms}
     lost = {form: dates.count(None) for form, dates in read.items()}
     if min(lost.values(), default=len(known)) == len(known):
@@ -258,25 +255,21 @@ def _dated(names: list[str], cells: Column, unsure: Unsure) -> dict[str, Any]:
     ]  # fmt: skip
     if best[0] == "%H:%M":
         unclear = ["%M:%S"]
+    of_day = best[0] and "%d" not in best[0]
     if unclear:
         problem = f"dates such as {known[0]} may be of {' or '.join([best[0], *unclear])}"
         unsure.of("columns.time.format", problem, ask=True)
     elif lost[best[0]]:
         odd = known[read[best[0]].index(None)]
         problem = f"dates such as {odd!r} are of another format, and no key reads both"
-        unsure.of("columns.time.format", problem, ask="%d" not in best[0])
-    if "%d" not in best[0]:
+        unsure.of("columns.time.format", problem, ask=bool(of_day))
+    if of_day:
         unsure.of("columns.time.day", f"{names[0]!r} has no day, that of the first row", ask=True)
         return {**time, "format": best[0], "day": _A_DAY}
-    return {**time, "format": _with_offset(next(filter(None, read[best[0]])), best[0], unsure)}
-
-
-def _with_offset(date: datetime, form: str, unsure: Unsure) -> str:
-    """A format, of which it is said if its dates have no offset."""
-    if date.tzinfo is None:
+    if next(filter(None, read[best[0]])).tzinfo is None:
         problem = "dates have no offset, and are read as UTC unless it is stated"
         unsure.of("columns.time.zone", problem)
-    return form
+    return {**time, **({"format": best[0]} if best[0] else {"unit": ISO})}
 
 
 def _steps(dates: Sequence[datetime | None]) -> tuple[int, float]:
@@ -286,42 +279,26 @@ def _steps(dates: Sequence[datetime | None]) -> tuple[int, float]:
     return sum(step < 0 for step in steps), max(map(abs, steps))
 
 
-def _is_iso(cell: str) -> bool:
-    try:
-        datetime.fromisoformat(cell)
-    except ValueError:
-        return False
-    return looks_dated(cell)
-
-
 def _forms(cell: str) -> list[str]:
-    """Formats that a date may have."""
-    if _COMPACT.fullmatch(cell):
-        return ["".join(_FORMS[: len(cell) // 2 - 1])]
-    if match := _DASHED.fullmatch(cell):
-        return [f"%Y-%m-%d{match[1]}%H-%M-%S"]
-    if _PARTS.fullmatch(cell):
-        year, *others = cell.split()
-        return [" ".join(["%Y" if len(year) > 2 else "%y", *_FORMS[1 : 1 + len(others)]])]
-    day = DAY.match(cell)
-    if day is None:
-        return [form for form in (*_HOURS, *_CLOCKS) if _read(form, cell)]
-    mark, rest = day[1] or day[2], cell[day.end() :]
-    orders = {
-        "/": ("d m Y", "m d Y", "Y m d", "d m y", "m d y"), ".": ("d m Y", "Y m d", "d m y"),
-        "-": ("d m Y", "m d Y", "Y m d", "d m y", "m d y", "y m d"),
-    }.get(day[1], ("d b Y", "d b y"))  # fmt: skip
-    days = ["%" + f"{mark}%".join(order.split()) for order in orders]
-    if not rest:
-        return days
-    between = rest[: len(rest) - len(rest.lstrip("T ,_"))]
-    ends = product(_HOURS, ("", "%z", " %z"))
-    found_forms = [f"{date}{between}{hour}{zone}" for date, (hour, zone) in product(days, ends)]
-    return [form for form in found_forms if _read(form, cell) is not None]
+    """Formats that read a date: directives for its digits and words, one after the other."""
+    if cell.isdigit() and len(cell) > 6:
+        return ["%Y%m%d%H%M%S"[: len(cell) - 2]]
+    parts = _VALUES.split(_ZONE.sub(r"\1\2%z", cell))
+    days: tuple[str, ...] = ("",)
+    if len(parts) > 4:
+        days = ("d b Y", "d b y") if parts[3].isalpha() else _DAYS.get(parts[2], days)
+    forms = list(_CLOCKS)
+    for day, hour in product(days, _HOURS):
+        names = f"{day} {hour}".split()
+        if len(names) == len(parts) // 2:
+            parts[1::2] = [f"%{name}" for name in names]
+            forms.append("".join(parts))
+    return [form for form in forms if _read(form, cell)]
 
 
 def _read(form: str, cell: str) -> datetime | None:
+    """The moment of a date by a format, or by ISO 8601 without one."""
     try:
-        return datetime.strptime(cell, form)
-    except ValueError:
+        return moment(cell, form)
+    except (ValueError, re.error):  # of a directive that occurs twice
         return None

@@ -7,39 +7,33 @@ row with as many titles, or with units below it. No guess is ever used to read a
 
 from __future__ import annotations
 
-import codecs
 import csv
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from functools import partial
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
 from reobserve.core.documents import dumped
 from reobserve.core.errors import InputError
 from reobserve.core.units import readings
-from reobserve.core.validation import parse
-from reobserve.estimation.dialect import SIGNS, Dialect, bare, read_head
-from reobserve.estimation.file_format import NOTHING, FileFormat
+from reobserve.estimation.dialect import SIGNS, UNDECODED, Dialect, bare
+from reobserve.estimation.file_format import NOTHING
 from reobserve.estimation.layout import split_title
 from reobserve.estimation.record_file import File
 from reobserve.estimation.suggested_sampling import sampling
 from reobserve.estimation.suggested_time import DATE, DAY, HOUR, Number, Unsure, find_time
 
-_LOOKED_AT = 2**18  # bytes
+_LOOKED_AT = 2**17  # characters, twice
 _ROWS = 1000  # of a Parquet file
 _DELIMITERS = (";", "\t", "|", ",", "whitespace")
-_NUMBERS = {
-    ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"),
-    ",": re.compile(r"[+-]?(\d+(,\d+)?|,\d+)([eE][+-]?\d+)?"),
-}
-_GROUPED = {
-    (",", "."): re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d+"),
-    (".", ","): re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d+"),
-}
+_MARKS = ((".", ""), (",", ""), (".", ","), (",", "."))  # of decimals, and of thousands
+_FEW_CELLS = 5000  # in which marks are looked for
 _MOST_TEXTS = 5  # of a column, that stand for missing values
 
 
@@ -82,7 +76,7 @@ class Suggestion:
 def suggest(path: Path) -> Suggestion:
     """The specification for a record, as far as its first rows and all its timestamps show it."""
     file, unsure = File(path), Unsure()
-    found = _of_parquet(file, unsure) if file.columnar else _of_text(file, unsure)
+    found = _of_parquet(file, unsure) if file.columnar else _of_text(path, unsure)
     time, columns = found.columns.pop("time", {}), found.columns
     measured = [entry for entry in found.measured if entry["column"] not in _names(time)]
     if not measured:
@@ -108,28 +102,30 @@ def _names(time: dict[str, Any]) -> list[str]:
     return [column] if isinstance(column, str) else column
 
 
-def _of_text(file: File, unsure: Unsure) -> Suggestion:
-    with file.located(), file.opened() as stream:
-        raw = stream.read(_LOOKED_AT)
-        whole = not stream.read(1)
-    encoding, text = _decoded(raw)
-    lines = text.split("\n")
-    ended = whole and not lines[-1]
-    lines = [line.rstrip("\r") for line in (lines[:-1] if ended or not whole else lines)]
-    grids = [_Grid(lines, delimiter) for delimiter in _DELIMITERS]
-    best = max(grids, key=lambda grid: grid.score)
+def _of_text(path: Path, unsure: Unsure) -> Suggestion:
+    for encoding in ("utf-8", "cp1252", "utf-16"):
+        file = File(path, Dialect(encoding=encoding))
+        with file.located():
+            text = "".join(part for _, part in islice(file.texts(0, _LOOKED_AT), 2))
+        wrong = encoding == "utf-8" and UNDECODED.search(text)
+        if not wrong and text.count("\0") <= 0.2 * len(text):
+            break
+    lines = [line.rstrip("\r") for line in text.removesuffix("\n").split("\n")]
+    dialects = [Dialect(delimiter, encoding=encoding) for delimiter in _DELIMITERS]
+    best = max((_Grid(lines, dialect) for dialect in dialects), key=lambda grid: grid.score)
     if not best.score:
-        raise InputError(str(file.path), "has no lines that look like rows of numbers")
-    return best.suggestion(encoding, ended or not whole, unsure)
+        raise InputError(str(path), "has no lines that look like rows of numbers")
+    return best.suggestion(text.endswith("\n"), unsure)
 
 
 def _of_parquet(file: File, unsure: Unsure) -> Suggestion:
     """The columns of a Parquet file, with the times among them."""
     rows = file.first_rows(_ROWS)
     texts = [["" if cell is None else str(cell) for cell in column] for column in rows.values()]
-    time = find_time(list(rows), texts, _float, unsure)
+    units, number = [split_title(title)[1] for title in rows], partial(_number, Dialect())
+    time = find_time(list(rows), units, texts, number, unsure)
     first = [column[0] if column else "" for column in texts]
-    measured = _measured(list(rows), [""] * len(rows), texts, _float, unsure)
+    measured = _measured(list(rows), units, texts, number, unsure)
     return Suggestion({"time": time} if time else {}, {}, list(rows), first, measured)
 
 
@@ -150,7 +146,7 @@ def _measured(
                 problem = f"{name!r} is {listed}; if rows are of several quantities, it takes one"
                 unsure.of("file.where", problem)
             continue
-        said, entry = units[k] or split_title(name)[1], {"column": name}
+        said, entry = units[k], {"column": name}
         if "/" in name and readings(name):
             entry["unit"] = name
             unsure.of(f"the unit of {name!r}", "the title may be a unit, or end in one")
@@ -165,21 +161,12 @@ def _measured(
     return [entry for _, entry in sorted(found, key=lambda pair: pair[0])]
 
 
-def _float(cell: str) -> float | None:
+def _number(dialect: Dialect, cell: str) -> float | None:
+    """The number in a cell, None if it has none."""
     with suppress(ValueError):
-        return float(cell)
+        number = dialect.number(cell)
+        return number if math.isfinite(number) else None
     return None
-
-
-def _decoded(raw: bytes) -> tuple[str, str]:
-    if raw[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
-        return "utf-8", raw.decode("utf-16", "replace")  # which its mark states
-    if raw[1:200:2].count(0) > 0.4 * len(raw[1:200:2]):
-        return "utf-16", raw.decode("utf-16-le", "replace")
-    try:
-        return "utf-8", codecs.getincrementaldecoder("utf-8-sig")().decode(raw)
-    except UnicodeDecodeError:
-        return "cp1252", raw.decode("cp1252", "replace")
 
 
 def sign_of(line: str) -> str:
@@ -191,9 +178,21 @@ def sign_of(line: str) -> str:
 
 def kind_of_line(cells: list[str]) -> str:
     """The kind of a line below the header: `units`, or one to `skip`."""
-    bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in cells if cell]
-    known = sum(unit in ("-", "1", "%") or bool(readings(unit)) for unit in bare)
-    return "units" if bare and known >= 0.5 * len(bare) else "skip"
+    units = [_unit(cell) for cell in cells if cell]
+    known = sum(unit in ("-", "1", "%") or bool(readings(unit)) for unit in units)
+    return "units" if units and known >= 0.5 * len(units) else "skip"
+
+
+def _unit(cell: str) -> str:
+    """A unit without the brackets around it."""
+    return re.sub(r"^[\[(](.*)[\])]$", r"\1", cell)
+
+
+def _skipping(lines: list[str], count: int) -> dict[str, Any]:
+    """The key that leaves out lines at the beginning: a sign of comments, or their number."""
+    signs = set(map(sign_of, lines))
+    sign = signs.pop() if len(signs) == 1 else ""
+    return {"comment": sign} if sign else {"skip": count} if lines else {}
 
 
 def _lacks(titles: list[str]) -> int:
@@ -211,13 +210,15 @@ def _are_units(upper: list[str], lower: list[str]) -> bool:
 class _Grid:
     """Lines in cells between delimiters, of which most have ``width``."""
 
-    def __init__(self, lines: list[str], delimiter: str) -> None:
-        self.dialect, self.lines = Dialect(delimiter), lines
+    def __init__(self, lines: list[str], dialect: Dialect) -> None:
+        self.dialect, self.lines = dialect, lines
         self.rows = {k: self._cells(line) for k, line in enumerate(lines) if line.strip()}
         plain = {k: row for k, row in self.rows.items() if not sign_of(lines[k])}
         several = [cell for row in plain.values() if len(row) > 1 for cell in row]
-        self.decimal, self.thousands = self._marks(
-            several or [c for r in plain.values() for c in r]
+        cells = (several or [c for r in plain.values() for c in r])[:_FEW_CELLS]
+        self.dialect = max(
+            (replace(dialect, decimal=decimal, thousands=mark) for decimal, mark in _MARKS),
+            key=lambda one: sum(_number(one, cell) is not None for cell in cells),
         )
         weights = Counter[int]()
         for row in plain.values():
@@ -237,7 +238,7 @@ class _Grid:
             read = sum(map(self._is_value, cells)) / max(len(cells), 1)
             self.score = fit * read**2 * (1.0 if self.width > 1 else 0.5)
             self.score *= 1.0 if any(map(str.isdigit, self.head[1])) else 1.3
-            self.score *= 0.9 if delimiter == "whitespace" else 1.0
+            self.score *= 0.9 if dialect.delimiter == "whitespace" else 1.0
 
     def _begin(self) -> None:
         """Find the header. The line that seemed to be the first row may be one."""
@@ -255,27 +256,13 @@ class _Grid:
         except csv.Error:
             return []
 
-    def _marks(self, cells: list[str]) -> tuple[str, str]:
-        """The decimal mark, and that of thousands."""
-        for (decimal, thousands), form in _GROUPED.items():
-            if any(map(form.fullmatch, cells)):
-                return decimal, thousands
-        commas = sum("," in cell and bool(_NUMBERS[","].fullmatch(cell)) for cell in cells)
-        points = sum("." in cell and bool(_NUMBERS["."].fullmatch(cell)) for cell in cells)
-        return ("," if commas > points else "."), ""
-
-    def _is_number(self, cell: str) -> bool:
-        text = cell.replace(self.thousands, "") if self.thousands else cell
-        return _NUMBERS[self.decimal].fullmatch(text) is not None
-
     def _number(self, cell: str) -> float | None:
-        if not self._is_number(cell):
-            return None
-        return float(cell.replace(self.thousands or "\0", "").replace(",", "."))
+        return _number(self.dialect, cell)
 
     def _is_value(self, cell: str) -> bool:
         forms = (DAY, HOUR, DATE)
-        return cell in NOTHING or self._is_number(cell) or any(f.fullmatch(cell) for f in forms)
+        known = cell in NOTHING or self._number(cell) is not None
+        return known or any(form.fullmatch(cell) for form in forms)
 
     def _is_row(self, cells: list[str]) -> bool:
         some = [cell for cell in cells if cell not in NOTHING]
@@ -308,14 +295,15 @@ class _Grid:
             if len(row) == self.width and row != self.head[1] and not sign_of(self.lines[k])
         ]  # fmt: skip
 
-    def suggestion(self, encoding: str, ended: bool, unsure: Unsure) -> Suggestion:
+    def suggestion(self, ended: bool, unsure: Unsure) -> Suggestion:
         """The keys of a specification."""
-        columns: dict[str, Any] = {"decimal": self.decimal, "thousands": self.thousands}
-        if self.width > 1:
-            columns = {"delimiter": self.dialect.delimiter, **columns}
-        columns["encoding"] = encoding
-        usual = vars(Dialect())
-        columns = {key: value for key, value in columns.items() if value != usual[key]}
+        usual, stated = Dialect(), ("delimiter", "decimal", "thousands", "encoding")
+        columns: dict[str, Any] = {
+            key: found for key in stated
+            if (found := getattr(self.dialect, key)) != getattr(usual, key)
+        }  # fmt: skip
+        if self.width == 1:
+            columns.pop("delimiter", None)
         file, titles = self.head
         self._odd_lines(file, titles, ended, unsure)
         if self.doubt:
@@ -326,43 +314,34 @@ class _Grid:
         self._check_marks([cell for column in body for cell in column], unsure)
         names = [title if title and titles.count(title) == 1 else f"column {k + 1}"
                  for k, title in enumerate(titles)]  # fmt: skip
-        pairs = zip(self._full(file, titles), names, titles, strict=True)
-        full = [whole if name == title else name for whole, name, title in pairs]
-        units = [unit or (split_title(whole)[1] if whole != name else "")
-                 for unit, whole, name in zip(self.units, full, names, strict=False)]  # fmt: skip
-        if time := find_time(full, body, self._number, unsure, self.units):
-            timed = [names[full.index(name)] for name in _names(time)]
-            columns = {"time": {**time, "column": timed if timed[1:] else timed[0]}, **columns}
-            if any(name not in titles for name in timed):
-                titles, above = names, {"skip": self.start} if self.start else {}
-                dropped = ("header", "below_header", "skip")
-                file = {k: v for k, v in file.items() if k not in dropped}
-                file = {**file, **above, "names": [*names, *[""] * (self.width - len(names))]}
+        units = [unit or (split_title(name)[1] if name == title else "")
+                 for unit, name, title in zip(self.units, names, titles, strict=False)]  # fmt: skip
+        if time := find_time(names, units, body, self._number, unsure):
+            columns = {"time": time, **columns}
+            if any(name not in titles for name in _names(time)):
+                titles = names
+                kept = {
+                    key: file[key] for key in ("comment", "tail", "missing_values") if key in file
+                }
+                file = {**kept, **self._named(names)}
         measured = _measured(names, units, body, self._number, unsure)
         measured = [entry for entry in measured if entry["column"] in titles]
         return Suggestion(columns, file, titles, self.rows[self.start], measured)
 
-    def _full(self, file: dict[str, Any], titles: list[str]) -> list[str]:
-        """Titles with the units that are read from the lines below them."""
-        if "units" in file.get("below_header", []):
-            dialect = replace(self.dialect, file=parse(FileFormat, file))
-            with suppress(InputError):
-                full = read_head((f"{line}\n" for line in self.lines), dialect, "").titles
-                return [*map(bare, full), *titles[len(full) :]][: len(titles)]
-        return titles
+    def _named(self, titles: list[str]) -> dict[str, Any]:
+        """The keys that state titles, and leave out what is above the rows."""
+        above = [line for line in self.lines[: self.start] if line.strip()]
+        names = [*titles, *[""] * (self.width - len(titles))]
+        return {**_skipping(above, self.start), "names": names}
 
     def _check_marks(self, cells: Sequence[str], unsure: Unsure) -> None:
         """Say so where all marks in numbers may be those of thousands."""
-        marked = [cell for cell in cells if self.decimal in cell and self._is_number(cell)]
-        form = re.compile(rf"[+-]?[1-9]\d{{0,2}}\{self.decimal}\d{{3}}")
-        if marked and all(map(form.fullmatch, marked)) and not self.thousands:
+        decimal = self.dialect.decimal
+        marked = [cell for cell in cells if decimal in cell and self._number(cell) is not None]
+        form = re.compile(rf"[+-]?[1-9]\d{{0,2}}\{decimal}\d{{3}}")
+        if marked and all(map(form.fullmatch, marked)) and not self.dialect.thousands:
             problem = f"{marked[0]} may have a mark of thousands, too"
             unsure.of("columns.decimal", problem)
-
-    def _sign(self, lines: list[str]) -> str:
-        """The sign with which all lines begin, or nothing."""
-        signs = set(map(sign_of, lines))
-        return signs.pop() if len(signs) == 1 else ""
 
     def _fits(self, titles: list[str], odd: list[str] | None = None) -> bool:
         """True if there are as many titles as cells that are not empty throughout.
@@ -372,7 +351,8 @@ class _Grid:
         while titles and not titles[-1]:
             titles = titles[:-1]
         beyond = any(cell for row in self._body for cell in row[len(titles) :])
-        numbers = 0 if odd and set(odd) <= set(titles) else sum(map(self._is_number, titles))
+        known = 0 if odd and set(odd) <= set(titles) else len(titles)
+        numbers = sum(self._number(title) is not None for title in titles[:known])
         texts = any(title and not self._is_value(title) for title in titles)
         few = numbers <= 0.2 * len(titles)
         return texts and 0 < len(titles) <= self.width and not beyond and few
@@ -391,42 +371,40 @@ class _Grid:
         if len(fitting) > 1 and self._states_units(*(above[k] for k in fitting[1::-1])):
             fitting = fitting[1:]
         for k in fitting:
-            below = [j for j in above if j > k]
-            sign = self._sign([above[k]])
-            if sign and not below:
-                return self._commented(above, k, sign), self._bare(above[k])
-            units = self._bare(above[below[-1]]) if below else []
-            if sign and (len(units) != self.width or kind_of_line(units) != "units"):
-                break
-            file: dict[str, Any] = {}
-            if below:
-                file["below_header"] = [kind_of_line(self._bare(above[j])) for j in below]
-                file["below_header"] = [
-                    kind
-                    if j == below[-1] or "units" not in file["below_header"][n + 1 :]
-                    else "skip"
-                    for n, (j, kind) in enumerate(zip(below, file["below_header"], strict=True))
-                ]
+            titles, below = self._bare(above[k]), [j for j in above if j > k]
+            kinds = [kind_of_line(self._bare(above[j])) for j in below]
+            if sign_of(above[k]):
+                if below and not (kinds[-1] == "units" and self._take_units(above[below[-1]])):
+                    break
+                return self._named(titles), titles
             before = [line for j, line in above.items() if j < k]
-            if before and not below:
-                units = self._bare(before[-1])
-                if len(units) == self.width and _are_units(units, self._bare(above[k])):
-                    self.units = [unit if readings(unit) else "" for unit in units]
-            if (mark := self._sign(before)) and not sign:
-                file["comment"] = mark
-            elif before:
-                file["skip"] = k
-            return file, [self.rows[k][0], *self.rows[k][1:]] if not sign else self._bare(above[k])
+            if before and not below and _are_units(self._bare(before[-1]), titles):
+                self._take_units(before[-1])
+            titles, file = self.rows[k], _skipping(before, k)
+            if below:
+                file["below_header"] = ["skip"] * len(below)
+            if "units" in kinds:
+                last = max(j for j, kind in enumerate(kinds) if kind == "units")
+                file["below_header"][last] = "units"
+                self._take_units(above[below[last]])
+            return file, titles
         return self._unnamed(above)
+
+    def _take_units(self, line: str) -> bool:
+        """Take the units in a line, if it has as many cells as rows."""
+        cells = self._bare(line)
+        if len(cells) == self.width:
+            self.units = [_unit(cell) for cell in cells]
+        return len(cells) == self.width
 
     def _states_units(self, upper: str, lower: str) -> bool:
         """True if the lower one of two lines that fit seems to have the units of the other."""
         titles, units = self._bare(upper), self._bare(lower)
-        alike = bool(self._sign([upper])) == bool(self._sign([lower]))
+        alike = bool(sign_of(upper)) == bool(sign_of(lower))
         known = all(unit == "-" or readings(unit) for unit in filter(None, units))
         if kind_of_line(units) != "units" or _are_units(titles, units):
             return False
-        if not alike and (self._sign([lower]) or not known):
+        if not alike and (sign_of(lower) or not known):
             return False
         if not (alike and known):
             self.doubt = f"{lower!r} may have titles, or units of those above it"
@@ -434,21 +412,10 @@ class _Grid:
 
     def _bare(self, line: str) -> list[str]:
         """The cells of a line without the sign of a comment."""
-        return self._cells(line[len(self._sign([line])) :].strip())
-
-    def _commented(self, above: dict[int, str], last: int, sign: str) -> dict[str, Any]:
-        """The keys that read a header which is the last comment."""
-        file: dict[str, Any] = {"comment": sign, "header": "commented"}
-        plain = [j for j, line in above.items() if not line.startswith(sign) and j < last]
-        return {"skip": plain[-1] + 1, **file} if plain else file
+        return self._cells(line[len(sign_of(line)) :].strip())
 
     def _unnamed(self, above: dict[int, str]) -> tuple[dict[str, Any], list[str]]:
         """The keys of a text without a header, with titles from the nearest line that has some."""
-        file: dict[str, Any] = {}
-        if sign := self._sign(list(above.values())):
-            file["comment"] = sign
-        elif above:
-            file["skip"] = self.start
         names = [str(k + 1) for k in range(self.width)]
         for line in reversed(above.values()):
             cells = self._bare(line)
@@ -459,7 +426,7 @@ class _Grid:
                 padded = [*cells, *[""] * self.width][: self.width]
                 names = [a or b for a, b in zip(padded, names, strict=True)]
                 break
-        return {**file, "names": names}, names
+        return self._named(names), names
 
     def _odd_lines(
         self, file: dict[str, Any], titles: list[str], ended: bool, unsure: Unsure
@@ -471,7 +438,7 @@ class _Grid:
         for k, cells in self.rows.items():
             if k < self.start or (self._is_row(cells) and len(cells) == self.width):
                 continue
-            if sign := self._sign([self.lines[k]]):
+            if sign := sign_of(self.lines[k]):
                 file.setdefault("comment", sign)
             elif cells == titles and "names" not in file:
                 file["repeated_header"] = "skip"
@@ -491,8 +458,7 @@ class _Grid:
         """Texts that stand where other rows have values."""
         texts: dict[str, None] = {}
         for column in zip(*self._body, strict=True):
-            known = [cell for cell in column if cell]
-            odd = [cell for cell in known if not self._is_value(cell)]
-            if 0 < len(odd) < 0.5 * len(known) and len(set(odd)) <= _MOST_TEXTS:
+            odd = [cell for cell in column if not self._is_value(cell)]
+            if len(odd) < 0.5 * sum(map(bool, column)) and len(set(odd)) <= _MOST_TEXTS:
                 texts.update(dict.fromkeys(odd))
         return list(texts)[:20]

@@ -64,13 +64,13 @@ LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "comments": ("# a\n# b\nt,y\n" + rows(ISO, "{v:.2f}"), ISO_KEYS, {"comment": "#"}),
     "a commented header": (
         "# a\n# t y\n" + rows("{k}", "{v:.2f}", delimiter=" "),
-        {**ASKED, "delimiter": "whitespace"}, {"comment": "#", "header": "commented"},
+        {**ASKED, "delimiter": "whitespace"}, {"comment": "#", "names": ["t", "y"]},
     ),
-    "units": ("t,y\ns,degC\n" + rows("{k}", "{v:.2f}"), {"time": {"column": "t"}},
+    "units": ("t,y\ns,degC\n" + rows("{k}", "{v:.2f}"), SECONDS,
               {"below_header": ["units"]}),
     "units in blanks": (
         "  Time  F1  F2\n  (s) (N) (N)\n" + rows(" {k}", "{v:.2f}", "{v:.2f}", delimiter="  "),
-        {"time": {"column": "Time"}, "delimiter": "whitespace"}, {"below_header": ["units"]},
+        {"time": {"column": "Time", "unit": "s"}, "delimiter": "whitespace"}, {"below_header": ["units"]},
     ),
     "a spreadsheet": (
         "sep=;\nt;y\n" + rows(DAY_FIRST, "{v:.2f}", delimiter=";").replace("1.", "1,"),
