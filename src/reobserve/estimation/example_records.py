@@ -1,7 +1,6 @@
 """Records that go with the examples: small plants, simulated, in units that a log would have.
 
-Each plant is followed on a grid ten times as fine as its samples, so that it may be asked for any
-timestamps: uneven ones, too.
+Each plant is followed on a grid ten times as fine as its samples.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from reobserve.core.discretisation import zero_order_hold
 Array = NDArray[np.float64]
 Field = Callable[[float, Array], Array]
 
-_FINE = 10  # steps of the simulation in a sampling period
+FINE = 10  # steps of the simulation in a sampling period
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,39 +26,20 @@ class Simulated:
     """A plant that was followed: ``time`` [s] on the fine grid, signals by name, and which to log.
 
     ``logged`` has, by the title of a column, a signal, the factor to the column's unit and the
-    standard deviation of its noise in that unit; ``held`` names the inputs. ``estimated`` says
-    which signals the columns of the estimates are to come to.
+    standard deviation of its noise in that unit.
     """
 
-    period: float
     time: Array
     signals: Mapping[str, Array]
     logged: Mapping[str, tuple[str, float, float]]
-    held: tuple[str, ...]
-    estimated: Mapping[str, str]
 
-    def at(self, name: str, times: Array) -> Array:
-        """A signal at any times. A held one has the value of the period in which they are."""
-        if name in self.held:
-            step = np.searchsorted(self.time, times + 1e-9 * self.period, side="right") - 1
-            values: Array = self.signals[name][step]
-            return values
-        return np.asarray(np.interp(times, self.time, self.signals[name]))
-
-    def record(self, times: Array | None = None) -> dict[str, Array]:
-        """The columns, ``t`` [ms] first, at timestamps [s], or at all samples."""
-        timestamps = self.time[::_FINE] if times is None else times
-        random = np.random.default_rng(12)
-        columns = {"t": 1000.0 * timestamps}
+    def record(self) -> dict[str, Array]:
+        """The columns at all samples, ``t`` [ms] first."""
+        random, columns = np.random.default_rng(12), {"t": 1000.0 * self.time[::FINE]}
         for title, (name, factor, noise) in self.logged.items():
-            columns[title] = factor * self.at(name, timestamps) + noise * random.normal(
-                size=len(timestamps)
-            )
+            values = self.signals[name][::FINE]
+            columns[title] = factor * values + noise * random.normal(size=len(values))
         return columns
-
-    def truth(self, times: Array) -> dict[str, Array]:
-        """The true values of each column of the estimates that is named, at these times."""
-        return {column: self.at(name, times) for column, name in self.estimated.items()}
 
 
 def _followed(field: Field, start: Array, time: Array) -> Array:
@@ -77,8 +57,8 @@ def _followed(field: Field, start: Array, time: Array) -> Array:
 
 
 def _grid(period: float, horizon: float) -> Array:
-    steps: Array = np.arange(round(horizon / period) * _FINE + 1, dtype=np.float64)
-    return period / _FINE * steps
+    steps: Array = np.arange(round(horizon / period) * FINE + 1, dtype=np.float64)
+    return period / FINE * steps
 
 
 def satellite() -> Simulated:
@@ -102,40 +82,30 @@ def satellite() -> Simulated:
     signals |= {f"T{axis}": torques[:, k] for k, axis in enumerate("xyz")}
     signals["fault"], signals["none"] = fault, np.zeros(len(time))
     turn = float(np.rad2deg(1.0))
-    return Simulated(
-        0.01, time, signals,
-        {f"w{a}": (f"w{a}", turn, 2e-4) for a in "xyz"}
-        | {f"T{a}": (f"T{a}", 1000.0, 0.0) for a in "xyz"},
-        ("Tx", "Ty", "Tz", "fault"),
-        {"fault_1": "fault", "fault_2": "none", "fault_3": "none"},
-    )  # fmt: skip
+    logged = {f"w{a}": (f"w{a}", turn, 2e-4) for a in "xyz"}
+    logged |= {f"T{a}": (f"T{a}", 1000.0, 0.0) for a in "xyz"}
+    return Simulated(time, signals, logged)
 
 
-def pendulum() -> Simulated:
-    """A pendulum with g/l = 1 that swings down from 0.5 rad, measured in degrees."""
-    time = _grid(0.02, 20.0)
-    rows = _followed(
-        lambda t, x: np.array([x[1], -np.sin(x[0]) - 0.1 * x[1]]), np.array([0.5, 0.0]), time
-    )
-    signals = {"angle": rows[:, 0], "rate": rows[:, 1]}
-    logged = {"angle": ("angle", float(np.rad2deg(1.0)), 0.02)}
-    return Simulated(0.02, time, signals, logged, (), {"angle": "angle", "rate": "rate"})
+def pendulum(
+    time: Array, start: float, stiffness: float, damping: float, gain: float, noise: float
+) -> Simulated:
+    """A pendulum that swings down from an angle [rad], measured in degrees.
 
-
-def driven_pendulum() -> Simulated:
-    """A pendulum that a torque in mN m turns, held over each period."""
-    time = _grid(0.01, 15.0)
-    start = np.floor(time / 0.01 + 1e-6) * 0.01
-    torque = 0.3 * np.sin(0.7 * start) + 0.2 * np.sin(1.9 * start)
+    With a ``gain``, a torque in mN m turns it, held over each period.
+    """
+    held = np.floor(time / time[FINE] + 1e-6) * time[FINE]
+    torque = 0.3 * np.sin(0.7 * held) + 0.2 * np.sin(1.9 * held)
 
     def field(t: float, x: Array) -> Array:
         u = torque[min(int(t / time[1] + 1e-6), len(time) - 1)]
-        return np.array([x[1], -9.81 * np.sin(x[0]) - 0.5 * x[1] + 4.0 * u])
+        return np.array([x[1], -stiffness * np.sin(x[0]) - damping * x[1] + gain * u])
 
-    rows = _followed(field, np.array([0.4, 0.0]), time)
+    rows = _followed(field, np.array([start, 0.0]), time)
     signals = {"angle": rows[:, 0], "rate": rows[:, 1], "torque": torque}
-    logged = {"angle": ("angle", float(np.rad2deg(1.0)), 0.01), "torque": ("torque", 1000.0, 0.0)}
-    return Simulated(0.01, time, signals, logged, ("torque",), {"angle": "angle", "rate": "rate"})
+    logged = {"angle": ("angle", float(np.rad2deg(1.0)), noise)}
+    logged |= {"torque": ("torque", 1000.0, 0.0)} if gain else {}
+    return Simulated(time, signals, logged)
 
 
 def _valve_input(t: Array | float) -> Array:
@@ -157,17 +127,14 @@ def lag() -> Simulated:
         "level": ("level", 100.0, 0.0), "level_rate": ("level_rate", 100.0, 0.0),
         "valve": ("valve", 100.0, 0.0), "valve_rate": ("valve_rate", 100.0, 0.0),
     }  # fmt: skip
-    return Simulated(0.01, time, signals, logged, (), {"delay": "delay", "level": "level"})
+    return Simulated(time, signals, logged)
 
 
 def signal() -> Simulated:
     """A voltage in mV, sin t."""
     time = _grid(0.01, 10.0)
     signals = {"v0": np.sin(time), "v1": np.cos(time), "v2": -np.sin(time)}
-    return Simulated(
-        0.01, time, signals, {"voltage": ("v0", 1000.0, 0.0)}, (),
-        {"derivatives_1": "v0", "derivatives_2": "v1", "derivatives_3": "v2"},
-    )  # fmt: skip
+    return Simulated(time, signals, {"voltage": ("v0", 1000.0, 0.0)})
 
 
 def motor(
@@ -183,7 +150,7 @@ def motor(
     start = np.floor(time / period + 1e-6) * period
     volts = 6.0 + 3.0 * np.sign(np.sin(1.3 * start)) + np.sign(np.sin(4.1 * start))
     models = [
-        zero_order_hold([[-10.0 - more, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], period / _FINE)
+        zero_order_hold([[-10.0 - more, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], period / FINE)
         for more in (0.0, worn)
     ]
     rows = np.zeros((len(time), 2))
@@ -199,18 +166,13 @@ def motor(
         "speed": ("read", 60.0 / (2.0 * np.pi), 0.3), "current": ("current", 1000.0, 10.0),
         "voltage": ("volts", 1.0, 0.0),
     }  # fmt: skip
-    columns = {"speed": "speed", "current": "current"}
-    columns |= {"probability_worn": "worn", "probability_healthy": "healthy"} if worn else {}
-    columns |= {"voltage_lost": "fault"} if lost else {}
-    columns |= {"speed_offset": "offset"} if offset else {}
-    return Simulated(
-        period, time, signals, logged, ("volts", "fault", "offset", "worn", "healthy"), columns
-    )
+    return Simulated(time, signals, logged)
 
 
+driven_pendulum = partial(pendulum, _grid(0.01, 15.0), 0.4, 9.81, 0.5, 4.0, 0.01)
 PLANTS: Mapping[str, Callable[[], Simulated]] = {
     "satellite": satellite,
-    "pendulum": pendulum,
+    "pendulum": lambda: pendulum(_grid(0.02, 20.0), 0.5, 1.0, 0.1, 0.0, 0.02),
     "driven_pendulum": driven_pendulum,
     "swing": driven_pendulum,
     "lag": lag,

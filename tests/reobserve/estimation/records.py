@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from reobserve.core.documents import parse_yaml
 from reobserve.core.validation import parse
 from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.example_records import Simulated
 from reobserve.estimation.families.examples import specification_text
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification
@@ -31,6 +32,34 @@ def specification(name: str, **changes: Mapping[str, Any]) -> Specification:
         else:
             tree[branch] = keys
     return parse(Specification, tree)
+
+
+HELD = ("Tx", "Ty", "Tz", "torque", "volts", "fault", "offset", "worn", "healthy")
+TRUE = {
+    "fault_1": "fault", "fault_2": "none", "fault_3": "none", "angle": "angle", "rate": "rate",
+    "delay": "delay", "level": "level", "derivatives_1": "v0", "derivatives_2": "v1",
+    "derivatives_3": "v2", "speed": "speed", "current": "current", "voltage_lost": "fault",
+    "speed_offset": "offset", "probability_worn": "worn", "probability_healthy": "healthy",
+}  # fmt: skip
+
+
+def signal_at(plant: Simulated, name: str, times: Array) -> Array:
+    """A signal of a plant at any times. A held one has the value of the period around them."""
+    if name in HELD:
+        step = np.searchsorted(plant.time, times + 1e-9 * plant.time[10], side="right") - 1
+        return np.asarray(plant.signals[name][step])
+    return np.asarray(np.interp(times, plant.time, plant.signals[name]))
+
+
+def truth(plant: Simulated, times: Array) -> dict[str, Array]:
+    """The true values of the estimates of a plant, by their columns."""
+    return {to: signal_at(plant, name, times) for to, name in TRUE.items() if name in plant.signals}
+
+
+def record_at(plant: Simulated, times: Array) -> dict[str, Array]:
+    """The record of a plant with other timestamps [s]."""
+    signals = {name: np.repeat(signal_at(plant, name, times), 10) for name in plant.signals}
+    return Simulated(np.repeat(times, 10), signals, plant.logged).record()
 
 
 def write_record(path: Path, columns: Mapping[str, Array]) -> Path:

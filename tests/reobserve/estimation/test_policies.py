@@ -15,7 +15,14 @@ from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import simulated
 from tests.reobserve.estimation.by_hand import motor_model
-from tests.reobserve.estimation.records import read_results, specification, streamed, write_record
+from tests.reobserve.estimation.records import (
+    read_results,
+    record_at,
+    signal_at,
+    specification,
+    streamed,
+    write_record,
+)
 
 Array = NDArray[np.float64]
 
@@ -122,7 +129,7 @@ def test_uneven_timestamps_are_resampled_by_the_specified_method(
 ) -> None:
     random = np.random.default_rng(3)
     timestamps = 0.01 * np.arange(600) + random.uniform(-0.004, 0.004, 600)
-    columns = simulated("levant").record(np.clip(timestamps, 0.0, None))
+    columns = record_at(simulated("levant"), np.clip(timestamps, 0.0, None))
     report, time, read, _ = signal(columns, tmp_path, uneven=method, gap=0.05)
     at, volts = columns["t"] * 1e-3, columns["voltage"] * 1e-3
     assert np.array_equal(time, at[0] + 0.01 * np.arange(len(time)))
@@ -157,8 +164,8 @@ def test_block_size_does_not_change_a_bit(name: str, sampling: dict[str, Any]) -
     plant = simulated(name)
     timestamps = plant.time[::10][:700]
     if chosen.sampling.uneven != "refuse":
-        timestamps = timestamps + plant.period * random.uniform(-0.2, 0.2, len(timestamps))
-    columns = plant.record(np.clip(timestamps, 0.0, None))
+        timestamps = timestamps + plant.time[10] * random.uniform(-0.2, 0.2, len(timestamps))
+    columns = record_at(plant, np.clip(timestamps, 0.0, None))
     table = np.column_stack(list(columns.values()))
     lost = random.random(len(table)) < 0.02
     lost[200:260] = True
@@ -298,7 +305,7 @@ def test_saturated_values_are_counted_and_can_be_treated_as_missing(tmp_path: Pa
     found, status = read_results(tmp_path / "e.csv")
     assert made.report.saturated == {"speed": high.sum()}
     assert [word == "partial" for word in status] == high.tolist()
-    truth = simulated("kalman").at("speed", found["time"])
+    truth = signal_at(simulated("kalman"), "speed", found["time"])
     assert np.abs(found["speed"] - truth)[high].max() < 0.2  # 350 rpm are 0.9 rad/s off
 
 

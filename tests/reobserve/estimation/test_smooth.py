@@ -14,7 +14,7 @@ from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import examples, simulated, specification_text
 from reobserve.observers.smoother import rts_smoother
-from tests.reobserve.estimation.records import read_results, specification, write_record
+from tests.reobserve.estimation.records import read_results, signal_at, specification, write_record
 
 SMOOTHED = ("kalman", "augmented-kalman", "extended-kalman", "unscented-kalman")
 OTHERS = ["kalman-steady", *(name for name in examples() if not name.startswith(SMOOTHED))]
@@ -65,8 +65,8 @@ def test_smoothed_estimates_are_closer_to_the_truth(tmp_path: Path) -> None:
     for smooth in (False, True):
         estimate_file(specification(name, smooth=smooth), record, tmp_path / "e.csv")
         found, _ = read_results(tmp_path / "e.csv")
-        truth = simulated(name).truth(found["time"])["speed"]
-        errors.append(float(np.sqrt(np.mean((found["speed"] - truth) ** 2))))
+        true = signal_at(simulated(name), "speed", found["time"])
+        errors.append(float(np.sqrt(np.mean((found["speed"] - true) ** 2))))
         sigmas.append(found["speed sigma"])
     assert errors[1] < 0.9 * errors[0]
     assert (sigmas[1][:-1] < sigmas[0][:-1]).all()

@@ -70,7 +70,8 @@ LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
               {"below_header": ["units"]}),
     "units in blanks": (
         "  Time  F1  F2\n  (s) (N) (N)\n" + rows(" {k}", "{v:.2f}", "{v:.2f}", delimiter="  "),
-        {"time": {"column": "Time", "unit": "s"}, "delimiter": "whitespace"}, {"below_header": ["units"]},
+        {"time": {"column": "Time", "unit": "s"}, "delimiter": "whitespace"},
+        {"below_header": ["units"]},
     ),
     "a spreadsheet": (
         "sep=;\nt;y\n" + rows(DAY_FIRST, "{v:.2f}", delimiter=";").replace("1.", "1,"),

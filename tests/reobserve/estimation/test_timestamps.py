@@ -14,7 +14,7 @@ from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import simulated
 from reobserve.estimation.timestamps import Timestamps, UnevenError, least_jitter
-from tests.reobserve.estimation.records import specification, write_record
+from tests.reobserve.estimation.records import record_at, specification, write_record
 
 Array = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ def test_clock_drift_below_0_1_percent_is_accepted() -> None:
 
 
 def refused(time: Array, tmp_path: Path, **sampling: Any) -> str:
-    columns = simulated("kalman").record(np.clip(time, 0.0, 10.0))
+    columns = record_at(simulated("kalman"), np.clip(time, 0.0, 10.0))
     record = write_record(tmp_path / "r.csv", {**columns, "t": 1000.0 * time})
     stated = {"period": PERIOD, "missing": "refuse", "at_gap": "refuse", **sampling}
     with pytest.raises(InputError) as error:
