@@ -56,11 +56,6 @@ class Alarm:
     dates: Dates | None = None
     stretch: tuple[float, ...] = ()  # that sets a threshold, after the first estimate [s]
 
-    @property
-    def name(self) -> str:
-        """The alarm's name as the user calls it."""
-        return self.rule.name
-
     def threshold(self, entry: AlarmReport) -> float | None:
         """The distance from the mean that a value may have to both sides, or None as yet."""
         rule = self.rule
@@ -78,7 +73,7 @@ class Alarm:
 
         ``numbers`` are those of all columns, shape (k, columns).
         """
-        entry, values = report.alarms[self.name], numbers[:, self.column]
+        entry, values = report.alarms[self.rule.name], numbers[:, self.column]
         sigmas, missing = self._sigmas(numbers, estimates), self._missing(values, estimates)
         grown = None
         if sigmas is not None and entry.sigmas is None:
@@ -130,7 +125,7 @@ class Alarm:
         estimates: Mapping[str, Array],
     ) -> None:  # fmt: skip
         """Raise no alarm in the start-up unless it is credible, and remember what was beyond."""
-        entry = report.alarms[self.name]
+        entry = report.alarms[self.rule.name]
         past = time - (entry.started or 0.0)
         within = past < entry.start_up - _ROUNDING * entry.start_up
         over = within & (raised == 1.0)
@@ -152,8 +147,9 @@ class Alarm:
                 if not separate and entry.beyond[0] < now:
                     entry.earlier = entry.beyond[0]
                     report.warn(
-                        f"alarm {self.name}: its threshold was exceeded already within the start-up"
-                        f" of {entry.start_up:g} s, so that it may have begun before its first row"
+                        f"alarm {self.rule.name}: its threshold was exceeded already within the "
+                        f"start-up of {entry.start_up:g} s, so that it may have begun before its "
+                        "first row"
                     )
             if not within[k]:
                 break
@@ -163,7 +159,7 @@ class Alarm:
         self, time: Array, missing: NDArray[np.bool_], raised: Array, report: DataReport
     ) -> None:
         """Warn of alarms in or soon after a gap, if no standard deviation says what to expect."""
-        entry = report.alarms[self.name]
+        entry = report.alarms[self.rule.name]
         quiet = entry.resumed is None or not (raised == 1.0).any()
         near = entry.seen is not None and time[-1] - entry.seen <= QUIET * self.period
         if quiet and near and not missing.any():  # as nearly all rows that come alone
@@ -182,8 +178,8 @@ class Alarm:
         entry.resumed = after[-1] if after else entry.resumed
         if soon.any():
             report.warn(
-                f"alarm {self.name}: it is raised in a gap or soon after, and the observer has no "
-                "standard deviation of its column; with sampling.at_gap: restart it is not "
+                f"alarm {self.rule.name}: it is raised in a gap or soon after, and the observer "
+                "has no standard deviation of its column; with sampling.at_gap: restart it is not "
                 "raised until the observer has started up, and filters that have one "
                 f"({PREDICTING}) take sigmas"
             )
@@ -192,7 +188,7 @@ class Alarm:
         self, rule: LearnedThreshold, first: float, report: DataReport
     ) -> tuple[float, float]:
         """The stretch that sets a threshold, in seconds after the first estimate."""
-        place = f"alarms: {self.name}"
+        place = f"alarms: {self.rule.name}"
         since, until = (
             self.dates.at(f"{place}: {key}", bound, report) - first
             if isinstance(bound, str) and self.dates is not None
@@ -208,7 +204,7 @@ class Alarm:
         self, time: Array, values: Array, grown: Array | None, report: DataReport
     ) -> NDArray[np.bool_] | None:
         """Learn a threshold that is to be learned: True where it is known, None if all are."""
-        rule, entry = self.rule, report.alarms[self.name]
+        rule, entry = self.rule, report.alarms[self.rule.name]
         if isinstance(rule, StatedThreshold):
             return None
         if entry.origin is None:
@@ -237,7 +233,7 @@ class Alarm:
             return np.zeros(len(time), dtype=bool)
         if entry.learned < FEW:
             report.warn(
-                f"alarm {self.name}: its threshold is learned from {entry.learned} values, "
+                f"alarm {self.rule.name}: its threshold is learned from {entry.learned} values, "
                 f"fewer than {FEW}; a longer stretch of rows that are measured sets it well"
             )
         return None if after.all() else after
@@ -315,7 +311,7 @@ def alarms(
             made.append(detector_alarm(rule, k, period, measurements, predicts, skips))
             report.alarms[rule.name] = AlarmReport("1", 0.0)
             continue
-        place = _place(rule.of, f"alarms.{k}.of", names, measurements, predicts)
+        place = _place(rule.of, f"alarms.{k}.of", names, predicts)
         residual, spread = columns[place].estimate == RESIDUAL, outputs.deviation_of(place)
         if residual and skips:
             raise InputError(f"alarms.{k}.of", f"{shown(rule.of)} {BLIND}")
@@ -351,21 +347,16 @@ def alarms(
     return made
 
 
-def _place(
-    of: str, key: str, names: Sequence[str], measurements: Sequence[str], predicts: bool
-) -> int:
+def _place(of: str, key: str, names: Sequence[str], predicts: bool) -> int:
     """The column of an alarm, which for the innovation of a measurement is its residual."""
-    if of in names:
-        return names.index(of)
     name = of
-    if not predicts and of.partition(" ")[0] == "innovation":
-        problem = f"{of!r} is for filters that predict its variance ({PREDICTING}); others have "
-        raise InputError(key, f"{problem}{RESIDUAL} {measurements[0]}")
-    if of.partition(" ")[0] == "innovation":
-        if of == "innovation" and len(measurements) > 1:
-            listed = " or ".join(f"innovation {measurement}" for measurement in measurements)
-            raise InputError(key, f"{of!r} is of several measurements, must be {listed}")
-        name = f"{RESIDUAL} {measurements[0] if of == 'innovation' else of.partition(' ')[2]}"
+    if of not in names and of.startswith("innovation "):
+        if not predicts:
+            problem = (
+                f"{of!r} is for filters that predict its variance ({PREDICTING}); others have "
+            )
+            raise InputError(key, f"{problem}residuals")
+        name = of.replace("innovation", RESIDUAL, 1)
     if name not in names:
         raise InputError(key, f"there is no column {of!r}{nearest(of, names)}")
     return names.index(name)

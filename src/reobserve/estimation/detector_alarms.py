@@ -69,16 +69,11 @@ class DetectorAlarm:
     place: int  # of the measurement of a cumulative sum
     column: int = -1  # of the results: none
 
-    @property
-    def name(self) -> str:
-        """The alarm's name as the user calls it."""
-        return self.rule.name
-
     def raised(
         self, time: Array, numbers: Array, report: DataReport, estimates: Mapping[str, Array]
     ) -> Array:
         """1 where the alarm is raised, 0 where not."""
-        entry = report.alarms[self.name]
+        entry = report.alarms[self.rule.name]
         statistic = self._statistic(estimates, entry)
         assert entry.threshold is not None
         raised = (statistic > entry.threshold).astype(np.float64)

@@ -174,7 +174,7 @@ def _unsettled(
 def _threshold(estimation: Estimation, column: int) -> float:
     """The lowest threshold of alarms on a column, but those in its own standard deviations."""
     reports = estimation.report.alarms
-    entries = [reports[alarm.name] for alarm in estimation.alarms if alarm.column == column]
+    entries = [reports[alarm.rule.name] for alarm in estimation.alarms if alarm.column == column]
     limits = [x for a in entries if a.sigmas is None for x in (a.threshold, a.above, a.below)]
     return min((abs(limit) for limit in limits if limit is not None), default=np.inf)
 

@@ -283,7 +283,7 @@ class Estimation:
         """Titles of the results: time, estimates, residuals, alarms, status."""
         columns = [column.title for column in self.outputs.columns]
         time = "time" if self.layout.dated else "time [s]"
-        return [time, *columns, *(f"alarm {a.name}" for a in self.alarms), "status"]
+        return [time, *columns, *(f"alarm {a.rule.name}" for a in self.alarms), "status"]
 
 
 def concatenated(parts: Sequence[Estimated]) -> Estimated:

@@ -201,7 +201,7 @@ class Plot:
             self._measurements(ax, c)
         self._limit(ax, columns)
         for alarm in self.estimation.alarms:
-            entry = self.estimation.report.alarms[alarm.name]
+            entry = self.estimation.report.alarms[alarm.rule.name]
             if alarm.column in columns:
                 _, low, high = self._broken(alarm.column)
                 for bound in entry.bounds:
@@ -312,7 +312,7 @@ class Plot:
             for part in np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if len(on) else ():
                 start, end = self._at(self.time[part[0]]), self._at(self.time[part[-1]] + step)
                 ax.broken_barh([(start, end - start)], (row - 0.3, 0.6), color="#b2182b")
-        ax.set_yticks(range(len(signals)), [alarm.name for alarm in signals])
+        ax.set_yticks(range(len(signals)), [alarm.rule.name for alarm in signals])
         ax.set_ylim(len(signals) - 0.5, -0.5)
         ax.set_ylabel("alarms")
         ax.grid(visible=False)

@@ -56,12 +56,8 @@ def conversion(place: str, given: str, wanted: str) -> Conversion:
         raise InputError(place, f"{failed}: {why}")
     clear = [(unit, other) for unit, other in pairs if not _is_unclear(unit, other)]
     if not clear:
-        bare = given if angles(pairs[0][1]) else wanted
-        others = "rpm and rev/s (turns) and rad/s (radians) do"
-        if not any("[time]" in unit.dimensionality for unit in readings(bare)):
-            others = "turn, deg and rad do"
-        said = "hertz" if bare == "Hz" else shown(bare)
-        problem = f"{said} does not say whether turns or radians are counted; {others}"
+        bare = shown(given if angles(pairs[0][1]) else wanted)
+        problem = f"{bare} does not say whether turns or radians are counted, as rpm and rad/s do"
         raise InputError(place, f"{failed}: {problem}")
     ways = {way: pair for pair in clear if (way := _way(*pair)) is not None}
     if len({(f"{way.factor:.9g}", f"{way.offset:.9g}") for way in ways}) > 1:

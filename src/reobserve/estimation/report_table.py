@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from reobserve.estimation.data_report import AlarmReport, DataReport
@@ -15,11 +16,7 @@ def as_table(report: DataReport, period: float) -> str:
         listed = ", ".join(f"{count} {reason}" for reason, count in report.left_out.items())
         lines.append(("lines left out", listed))
 
-    def at(seconds: float) -> str:
-        if report.origin is not None:
-            return report.said(seconds)
-        return f"{_time(seconds + (report.shift or 0))} s"
-
+    at = partial(report.said, digits=6)
     if report.first is not None and report.last is not None:
         lines.append(("time", _span(at(report.first), at(report.last))))
     if report.mean_interval is not None:
@@ -64,11 +61,6 @@ def as_table(report: DataReport, period: float) -> str:
     return "\n".join(said + [f"  warning: {warning}" for warning in report.warnings])
 
 
-def _time(seconds: float) -> str:
-    """Six digits, or milliseconds where timestamps count from 1970."""
-    return f"{seconds:.6g}" if abs(seconds) < 1e6 else f"{seconds:.3f}"
-
-
 def _span(start: str, end: str) -> str:
     """The time from one to another, in seconds if the second one is."""
     return f"{start.removesuffix(' s') if end.endswith(' s') else start} to {end}"
@@ -77,11 +69,9 @@ def _span(start: str, end: str) -> str:
 def _alarm_line(alarm: AlarmReport, at: Callable[[float], str]) -> str:
     said = _threshold(alarm)
     if not said:
-        if alarm.ready:
-            return f"no threshold: {alarm.learned} values in the stretch that sets it, 2 needed"
-        return "no threshold yet: the record ends before the stretch that sets it does"
+        return f"no threshold: {alarm.learned} values until the end of the stretch that sets it"
     if alarm.start_up:
-        said += f"; start-up {_time(alarm.start_up)} s"
+        said += f"; start-up {alarm.start_up:.6g} s"
         if alarm.hidden:
             said += f", in which {alarm.hidden} rows are beyond it and raise no alarm"
     if alarm.after_gap:

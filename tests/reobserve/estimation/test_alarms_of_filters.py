@@ -139,7 +139,7 @@ def test_estimate_in_a_gap_raises_an_alarm_if_it_is_certain(tmp_path: Path) -> N
     assert any("in a gap or soon after" in one for one in made.report.warnings)
 
 
-@pytest.mark.parametrize("of", ["innovation", "innovation T", "residual T"])
+@pytest.mark.parametrize("of", ["innovation T", "residual T"])
 @pytest.mark.parametrize("block", [7, 1000])
 def test_innovation_in_its_predicted_standard_deviations(
     of: str, block: int, tmp_path: Path
@@ -230,19 +230,6 @@ def test_plot_has_the_bound_of_one_side(tmp_path: Path) -> None:
 def test_thresholds_that_exclude_each_other_are_refused(rule: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         Estimation(specified(DRIFT, {"of": "temperature", **rule}), ["t", "T"], "r")
-
-
-def test_innovation_of_several_measurements_is_named() -> None:
-    observer = DRIFT | {"C": [[1.0, 0.0], [1.0, 0.0]], "measurements": {"T": "K", "U": "K"}}
-    tree = {
-        "observer": observer,
-        "columns": {"measurements": [{"column": "T"}, {"column": "U"}]},
-        "sampling": {"period": 1.0},
-        "alarms": [{"name": "odd", "of": "innovation", "sigmas": 5}],
-    }
-    chosen: Specification = parse(Specification, tree)
-    with pytest.raises(InputError, match="must be innovation T or innovation U"):
-        Estimation(chosen, ["T", "U"], "r")
 
 
 def test_detector_needs_a_covariance_that_is_predicted() -> None:

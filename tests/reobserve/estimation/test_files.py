@@ -321,7 +321,7 @@ def test_invalid_records_are_refused_in_one_sentence(
     [
         ("kind: kalman>kind: kalmann", "observer.kind: 'kalmann' must be one of"),
         ("unit: rpm>unit: rpn", "columns.measurements.0.unit: 'rpn' is no unit that is known"),
-        ("unit: rpm>unit: Hz", "hertz does not say whether turns or radians"),
+        ("unit: rpm>unit: Hz", "'Hz' does not say whether turns or radians"),
         ("unit: mA>unit: mV", r"'mV' cannot become 'A'"),
         ("period: 0.01>period: 0", "sampling.period: 0 must be greater than zero"),
         ("missing: skip>missing: fill", "sampling.missing: 'fill' must be one of"),
