@@ -12,6 +12,7 @@ estimate raises an alarm only beyond its threshold by five of them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -165,18 +166,18 @@ class Alarm:
         if quiet and near and not missing.any():  # as nearly all rows that come alone
             entry.seen = float(time[-1])
             return
-        times = time[~missing]
-        seen = np.concatenate([[time[0] if entry.seen is None else entry.seen], times])
-        after = times[np.diff(seen) > QUIET * self.period].tolist()
-        starts = np.array([-np.inf if entry.resumed is None else entry.resumed, *after])
-        on = time[raised == 1.0]
-        since = on - starts[np.searchsorted(starts, on, side="right") - 1]
-        within = on - seen[np.searchsorted(seen, on, side="right") - 1] > QUIET * self.period
-        soon = within | (since < max(entry.start_up, QUIET * self.period))
-        entry.after_gap += int(np.count_nonzero(soon))
-        entry.seen = float(seen[-1])
-        entry.resumed = after[-1] if after else entry.resumed
-        if soon.any():
+        soon, seen, long = 0, entry.seen, QUIET * self.period
+        for now, lost, on in zip(
+            time.tolist(), missing.tolist(), (raised == 1.0).tolist(), strict=True
+        ):
+            in_gap = seen is not None and now - seen > long
+            if not lost:
+                entry.resumed, seen = now if in_gap else entry.resumed, now
+            since = math.inf if entry.resumed is None else now - entry.resumed
+            soon += on and (in_gap or since < max(entry.start_up, long))
+        entry.seen = seen
+        entry.after_gap += soon
+        if soon:
             report.warn(
                 f"alarm {self.rule.name}: it is raised in a gap or soon after, and the observer "
                 "has no standard deviation of its column; with sampling.at_gap: restart it is not "

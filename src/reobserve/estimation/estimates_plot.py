@@ -60,6 +60,13 @@ def _style() -> Iterator[None]:
         yield
 
 
+def _extremes(rows: Array, share: int) -> Array:
+    """Minima and maxima, shape (k, 2, n), of rows that have both, ``share`` to a point."""
+    blocks = rows.reshape(-1, share, *rows.shape[1:])
+    low, high = blocks[:, :, 0], blocks[:, :, 1]
+    return np.stack([np.fmin.reduce(low, axis=1), np.fmax.reduce(high, axis=1)], axis=1)
+
+
 class Plot:
     """Collects results, and draws them."""
 
@@ -78,8 +85,8 @@ class Plot:
         for k in range(layout.measurements, len(names)):
             place = k - layout.measurements
             self.drawn[self.given + place] = Output(names[k], units[k], _INPUT, place)
-        self.time, self.least = np.empty(0), np.empty((0, width))
-        self.greatest, self.rest = self.least, np.empty((0, 1 + width))
+        # Times and these, the minimum and the maximum of rows that share a point.
+        self.points = self.rest = np.empty((0, 2, 1 + width))
 
     def add(self, block: Estimated, stretch: Stretch, estimates: Mapping[str, Array]) -> None:
         """Take results, with the rows and the estimates that they are of."""
@@ -90,29 +97,12 @@ class Plot:
             unknown if variance is None else np.sqrt(variance),
             stretch.u[:, np.isnan(self.estimation.inputs.values)],
         ])  # fmt: skip
-        self.rest = np.concatenate([self.rest, rows])
-        self._reduce(len(self.rest) // self.share)
-        while len(self.time) >= 4 * _POINTS:
-            if len(self.time) % 2:  # it waits for its partner
-                break
-            self._halve()
-
-    def _reduce(self, points: int) -> None:
-        """Make points of the rows that wait."""
-        if not points:
-            return
-        taken, self.rest = self.rest[: points * self.share], self.rest[points * self.share :]
-        shared = taken.reshape(points, -1, taken.shape[1])
-        self.time = np.concatenate([self.time, shared[:, 0, 0]])
-        self.least = np.concatenate([self.least, np.fmin.reduce(shared[:, :, 1:], axis=1)])
-        self.greatest = np.concatenate([self.greatest, np.fmax.reduce(shared[:, :, 1:], axis=1)])
-
-    def _halve(self) -> None:
-        """Let two points become one, of an even number of them."""
-        self.share *= 2
-        self.time = self.time[::2]
-        self.least = np.fmin(self.least[::2], self.least[1::2])
-        self.greatest = np.fmax(self.greatest[::2], self.greatest[1::2])
+        self.rest = np.concatenate([self.rest, np.stack([rows, rows], axis=1)])
+        whole = len(self.rest) // self.share * self.share
+        made = _extremes(self.rest[:whole], self.share)
+        self.points, self.rest = np.concatenate([self.points, made]), self.rest[whole:]
+        while len(self.points) >= 4 * _POINTS and len(self.points) % 2 == 0:
+            self.points, self.share = _extremes(self.points, 2), 2 * self.share
 
     def save(self, path: Path) -> None:
         """Draw it in a file."""
@@ -128,10 +118,9 @@ class Plot:
 
     def figure(self) -> Any:
         """Draw it."""
-        if len(self.rest):
-            self.share, share = len(self.rest), self.share
-            self._reduce(1)
-            self.share = share
+        rest = _extremes(self.rest, max(len(self.rest), 1))
+        points = np.concatenate([self.points, rest])
+        self.time, self.least, self.greatest = points[:, 0, 0], points[:, 0, 1:], points[:, 1, 1:]
         with _style():
             return self._figure(package("matplotlib.figure", "draw a plot"))
 
@@ -203,13 +192,9 @@ class Plot:
         for alarm in self.estimation.alarms:
             entry = self.estimation.report.alarms[alarm.rule.name]
             if alarm.column in columns:
-                _, low, high = self._broken(alarm.column)
                 for bound in entry.bounds:
-                    lower, (bottom, top) = bound < entry.mean, ax.get_ylim()
-                    # A probability has no bound below zero; one far off would flatten the curves.
-                    reached = np.nanmin(low) < entry.mean if lower else np.nanmax(high) > entry.mean
-                    there = reached or entry.threshold is None
-                    if there and 2 * bottom - top <= bound <= 2 * top - bottom:
+                    bottom, top = ax.get_ylim()  # which one far off would flatten
+                    if bottom - top <= 2.0 * (bound - bottom) <= 3.0 * (top - bottom):
                         self.key["threshold of an alarm"] = ax.axhline(
                             bound, color=_THRESHOLD, linestyle="--", linewidth=0.8
                         )

@@ -117,11 +117,8 @@ def _is_unclear(unit: Any, other: Any) -> bool:
         return False
     angular, bare = (unit, other) if angles(unit) else (other, unit)
     rate = set(bare.dimensionality) == {"[time]"}
-    return rate or bool(_names(bare) & _COUNTING) or angles(bare) != 0 or not _in_radians(angular)
-
-
-def _in_radians(unit: Any) -> bool:
-    return all(name == "radian" or not angles(registry().Unit(name)) for name in _names(unit))
+    turns = any(name != "radian" and angles(registry().Unit(name)) for name in _names(angular))
+    return rate or bool(_names(bare) & _COUNTING) or angles(bare) != 0 or turns
 
 
 @cache
