@@ -13,8 +13,9 @@ estimate raises an alarm only beyond its threshold by five of them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +30,12 @@ from reobserve.estimation.detector_alarms import (
     DetectorRule,
     detector_alarm,
 )
-from reobserve.estimation.output_columns import RESIDUAL, Outputs
+from reobserve.estimation.output_columns import RESIDUAL
 from reobserve.estimation.specification import LearnedThreshold, StatedThreshold
 from reobserve.estimation.start_up import NEAR
+
+if TYPE_CHECKING:
+    from reobserve.estimation.estimate import Estimation
 
 Array = NDArray[np.float64]
 
@@ -55,17 +59,7 @@ class Alarm:
     residual: int | None = None
     predicts: bool = False
     dates: Dates | None = None
-    stretch: tuple[float, ...] = ()  # that sets a threshold, after the first estimate [s]
-
-    def threshold(self, entry: AlarmReport) -> float | None:
-        """The distance from the mean that a value may have to both sides, or None as yet."""
-        rule = self.rule
-        if isinstance(rule, StatedThreshold):
-            one_sided = rule.above is not None or rule.below is not None
-            return None if one_sided else rule.beyond or 0.0
-        if not entry.ready or entry.learned < 2:
-            return None
-        return rule.sigma * float(np.sqrt(entry.squares / (entry.learned - 1)))
+    stretch: Sequence[float] = ()  # that sets a threshold, after the first estimate [s]
 
     def raised(
         self, time: Array, numbers: Array, report: DataReport, estimates: Mapping[str, Array]
@@ -185,21 +179,17 @@ class Alarm:
                 f"({PREDICTING}) take sigmas"
             )
 
-    def _stretch(
-        self, rule: LearnedThreshold, first: float, report: DataReport
-    ) -> tuple[float, float]:
-        """The stretch that sets a threshold, in seconds after the first estimate."""
-        place = f"alarms: {self.rule.name}"
-        since, until = (
-            self.dates.at(f"{place}: {key}", bound, report) - first
-            if isinstance(bound, str) and self.dates is not None
-            else float(bound)
-            for key, bound in (("since", rule.since), ("until", rule.until))
-        )
-        if not since < until or until < 0.0:
-            problem = f"{rule.until} must be after since, {rule.since}, and after the first row"
-            raise InputError(f"{place}: until", problem)
-        return since, until
+    def stretch_of(self, place: str, first: float, report: DataReport) -> list[float]:
+        """The ends of the stretch that sets a threshold, in seconds after the first estimate."""
+        ends = []
+        for key in ("since", "until"):
+            bound, at = getattr(self.rule, key), f"{place}{key}"
+            if isinstance(bound, str) and self.dates is None:
+                problem = f"{shown(bound)} must be seconds, as the record has no dates"
+                raise InputError(at, problem)
+            dated = isinstance(bound, str) and self.dates is not None
+            ends.append(self.dates.at(at, bound, report) - first if dated else float(bound))
+        return ends
 
     def _learned(
         self, time: Array, values: Array, grown: Array | None, report: DataReport
@@ -210,8 +200,12 @@ class Alarm:
             return None
         if entry.origin is None:
             entry.origin = float(time[0])
-        self.stretch = self.stretch or self._stretch(rule, entry.origin, report)
+        place = f"alarms: {rule.name}: "
+        self.stretch = self.stretch or self.stretch_of(place, entry.origin, report)
         since, until = self.stretch
+        if not since < until or until < 0.0:
+            problem = f"{rule.until} must be after since, {rule.since}, and after the first row"
+            raise InputError(f"{place}until", problem)
         slack = _ROUNDING * until
         if not entry.ready or time[0] - entry.origin <= until + slack:
             past = time - entry.origin
@@ -227,7 +221,9 @@ class Alarm:
                     entry.squares += off * (value - entry.mean)
             if after.any():
                 entry.ready = True
-                entry.threshold = self.threshold(entry)
+                if entry.learned > 1:
+                    deviation = np.sqrt(entry.squares / (entry.learned - 1))
+                    entry.threshold = rule.sigma * float(deviation)
         else:
             after = np.ones(len(time), dtype=bool)
         if entry.threshold is None:
@@ -286,28 +282,25 @@ def _grown(missing: NDArray[np.bool_], sigmas: Array, entry: AlarmReport) -> Arr
     return grown
 
 
-def alarms(
-    rules: Sequence[StatedThreshold | LearnedThreshold | DetectorRule],
-    outputs: Outputs,
-    report: DataReport,
-    period: float,
-    start_up: Callable[[int], float],
-    measurements: Sequence[str],
-    predicts: bool,
-    gate: float | None,
-    skips: bool,
-    dates: Dates | None = None,
-) -> list[Alarm | DetectorAlarm]:
-    """The alarms of a specification, each with its place in the report.
+def alarms(estimation: Estimation) -> list[Alarm | DetectorAlarm]:
+    """The alarms of an estimation, each with its place in the report.
 
-    ``start_up`` gives that of a column [s], for alarms that state none; ``measurements`` are their
-    names, ``predicts`` says that variances of their residuals are predicted, and ``skips`` that the
-    ``gate`` leaves some out. ``dates`` is the way in which the record has them, if it does.
+    Raises
+    ------
+    InputError
+        If there is no such column, or an alarm does not fit the observer or the record.
     """
+    observer, outputs, report = estimation.observer, estimation.outputs, estimation.report
+    dates, period = estimation.timestamps.dates, report.period
+    timed, width = estimation.layout.timed, estimation.layout.measurements
+    measurements = estimation.layout.names[timed : timed + width]
+    predicts = estimation.design.residual_variance(estimation.sample) is not None
+    gate, leaves_out = getattr(observer, "gate", None), "outlier" in estimation.sample
+    skips = leaves_out and getattr(observer, "outliers", "skip") == "skip"
     columns = outputs.columns
     names = [column.name for column in columns]
     made: list[Alarm | DetectorAlarm] = []
-    for k, rule in enumerate(rules):
+    for k, rule in enumerate(estimation.specification.alarms):
         if isinstance(rule, DetectorRule):
             made.append(detector_alarm(rule, k, period, measurements, predicts, skips))
             report.alarms[rule.name] = AlarmReport("1", 0.0)
@@ -316,9 +309,17 @@ def alarms(
         residual, spread = columns[place].estimate == RESIDUAL, outputs.deviation_of(place)
         if residual and skips:
             raise InputError(f"alarms.{k}.of", f"{shown(rule.of)} {BLIND}")
+        alarm = Alarm(
+            rule, place, spread, period, columns[place].place if residual else None, predicts,
+            dates,
+        )  # fmt: skip
         entry = AlarmReport(columns[place].unit, 0.0, learns=isinstance(rule, LearnedThreshold))
         if isinstance(rule, StatedThreshold):
             entry.above, entry.below, entry.sigmas = rule.above, rule.below, rule.sigmas
+            one_sided = rule.above is not None or rule.below is not None
+            entry.threshold = None if one_sided else rule.beyond or 0.0
+        else:
+            alarm.stretch_of(f"alarms.{k}.", 0.0, DataReport())
         if entry.sigmas is not None and not (residual and predicts) and spread is None:
             problem = f"the observer has no standard deviation of {names[place]!r}"
             if residual:
@@ -327,22 +328,10 @@ def alarms(
         if residual and entry.sigmas is not None and gate is not None and entry.sigmas >= gate:
             problem = f"{entry.sigmas:g} must be below the gate, {gate:g}: outliers: inflate keeps "
             raise InputError(f"alarms.{k}.sigmas", f"{problem}all innovations within it")
-        alarm = Alarm(
-            rule, place, spread, period, columns[place].place if residual else None, predicts,
-            dates,
-        )  # fmt: skip
-        for key in ("since", "until"):
-            bound = getattr(rule, key, None)
-            if isinstance(bound, str) and dates is None:
-                problem = f"{shown(bound)} must be seconds, as the record has no dates"
-                raise InputError(f"alarms.{k}.{key}", problem)
-            if dates is not None and bound is not None:
-                dates.at(f"alarms.{k}.{key}", bound, DataReport())
         if rule.start_up is not None:
             entry.start_up = rule.start_up
         elif entry.sigmas is None:
-            entry.start_up = start_up(place)
-        entry.threshold = alarm.threshold(entry)
+            entry.start_up = estimation.start_up_of(place)
         report.alarms[rule.name] = entry
         made.append(alarm)
     return made

@@ -115,13 +115,7 @@ class Estimation:
             self.design, self.layout, self.sample, specification.estimates
         )
         self.start_up: list[float] | None = None
-        self.alarms = alarms(
-            specification.alarms, self.outputs, self.report, period, self._start_up,
-            names[:width], self.design.residual_variance(self.sample) is not None,
-            getattr(self.observer, "gate", None),
-            "outlier" in self.sample and getattr(self.observer, "outliers", "skip") == "skip",
-            self.timestamps.dates,
-        )  # fmt: skip
+        self.alarms = alarms(self)
 
     def _sample(self, measurements: int, inputs: int) -> Any:
         """The estimates of a row of zeros, for their shapes, which compiles what is to run.
@@ -141,7 +135,7 @@ class Estimation:
         result: Run[Any] = self.observer.run(y, u, start=state)
         return result
 
-    def _start_up(self, column: int) -> float:
+    def start_up_of(self, column: int) -> float:
         """The time [s] that a column needs to forget how the observer started."""
         if self.start_up is None:
             inputs = len(self.layout.names) - self.layout.timed - self.layout.measurements
