@@ -297,11 +297,8 @@ class _Grid:
 
     def suggestion(self, ended: bool, unsure: Unsure) -> Suggestion:
         """The keys of a specification."""
-        usual, stated = Dialect(), ("delimiter", "decimal", "thousands", "encoding")
-        columns: dict[str, Any] = {
-            key: found for key in stated
-            if (found := getattr(self.dialect, key)) != getattr(usual, key)
-        }  # fmt: skip
+        found = vars(self.dialect)
+        columns = {key: found[key] for key, usual in vars(Dialect()).items() if found[key] != usual}
         if self.width == 1:
             columns.pop("delimiter", None)
         file, titles = self.head
@@ -370,32 +367,43 @@ class _Grid:
             fitting = []  # titles of more columns than rows have
         if len(fitting) > 1 and self._states_units(*(above[k] for k in fitting[1::-1])):
             fitting = fitting[1:]
-        for k in fitting:
-            titles, below = self._bare(above[k]), [j for j in above if j > k]
-            kinds = [kind_of_line(self._bare(above[j])) for j in below]
-            if sign_of(above[k]):
-                if below and not (kinds[-1] == "units" and self._take_units(above[below[-1]])):
-                    break
-                return self._named(titles), titles
-            before = [line for j, line in above.items() if j < k]
-            if before and not below and _are_units(self._bare(before[-1]), titles):
-                self._take_units(before[-1])
-            titles, file = self.rows[k], _skipping(before, k)
-            if below:
-                file["below_header"] = ["skip"] * len(below)
-            if "units" in kinds:
-                last = max(j for j, kind in enumerate(kinds) if kind == "units")
-                file["below_header"][last] = "units"
-                self._take_units(above[below[last]])
-            return file, titles
-        return self._unnamed(above)
+        numbers = [str(k + 1) for k in range(self.width)]
+        if not fitting:
+            titled = (self._bare(line) for line in reversed(above.values()))
+            titles = [*next(filter(self._are_titles, titled), []), *[""] * self.width]
+            names = [a or b for a, b in zip(titles, numbers, strict=False)]
+            return self._named(names), names
+        k = fitting[0]
+        titles, below = self._bare(above[k]), [j for j in above if j > k]
+        kinds = [kind_of_line(self._bare(above[j])) for j in below]
+        if sign_of(above[k]):
+            for j, kind in zip(below, kinds, strict=True):
+                if kind == "units":
+                    self._take_units(above[j])
+            return self._named(titles), titles
+        before = [line for j, line in above.items() if j < k]
+        if before and not below and _are_units(self._bare(before[-1]), titles):
+            self._take_units(before[-1])
+        titles, file = self.rows[k], _skipping(before, k)
+        if below:
+            file["below_header"] = ["skip"] * len(below)
+        if "units" in kinds:
+            last = max(j for j, kind in enumerate(kinds) if kind == "units")
+            file["below_header"][last] = "units"
+            self._take_units(above[below[last]])
+        return file, titles
 
-    def _take_units(self, line: str) -> bool:
+    def _are_titles(self, cells: list[str]) -> bool:
+        """True if cells may name the columns, though not all of them, or too many."""
+        texts = [cell for cell in cells if cell and not self._is_value(cell)]
+        several = 0.5 * self.width < len(texts) == len(set(texts))
+        return several and len(cells) >= self.width - 1
+
+    def _take_units(self, line: str) -> None:
         """Take the units in a line, if it has as many cells as rows."""
         cells = self._bare(line)
         if len(cells) == self.width:
             self.units = [_unit(cell) for cell in cells]
-        return len(cells) == self.width
 
     def _states_units(self, upper: str, lower: str) -> bool:
         """True if the lower one of two lines that fit seems to have the units of the other."""
@@ -413,20 +421,6 @@ class _Grid:
     def _bare(self, line: str) -> list[str]:
         """The cells of a line without the sign of a comment."""
         return self._cells(line[len(sign_of(line)) :].strip())
-
-    def _unnamed(self, above: dict[int, str]) -> tuple[dict[str, Any], list[str]]:
-        """The keys of a text without a header, with titles from the nearest line that has some."""
-        names = [str(k + 1) for k in range(self.width)]
-        for line in reversed(above.values()):
-            cells = self._bare(line)
-            texts = [cell for cell in cells if cell and not self._is_value(cell)]
-            if len(texts) == len(set(texts)) and 0.5 * self.width < len(texts) <= len(cells) >= (
-                self.width - 1
-            ):  # fmt: skip
-                padded = [*cells, *[""] * self.width][: self.width]
-                names = [a or b for a, b in zip(padded, names, strict=True)]
-                break
-        return self._named(names), names
 
     def _odd_lines(
         self, file: dict[str, Any], titles: list[str], ended: bool, unsure: Unsure
