@@ -18,12 +18,11 @@ Settling: the observer starts a second time, as after a gap, in the middle of th
 two runs are at the end still apart by more than a twentieth of the estimate's size, and by more
 than three times what noise does, the record is too short to forget how it began.
 
-Consistency: a filter predicts how far its innovations spread. Where they spread over the second
-half, in the root mean square, more than five times as far, the record contradicts the model. Where
-an observer predicts no spread, its residual is compared with the spread of what is measured about
-its mean: it contradicts the model if it is more than half of that, more than five times the noise,
-and does not die away (more than a hundredth of its maximum is left). Smaller misfits of a filter
-are found by `reobserve.estimation.consistency`, over all of the rows.
+Consistency: a residual is compared with the spread of what is measured about its mean: it
+contradicts the model if it is, in the root mean square over the second half, more than half of
+that, more than five times the noise, and does not die away (more than a hundredth of its maximum is
+left). Smaller misfits of a filter are found by `reobserve.estimation.consistency`, over all of the
+rows.
 """
 
 from __future__ import annotations
@@ -184,29 +183,21 @@ def _contradicted(estimation: Estimation, y: Array, run: Any, where: str) -> lis
     design, layout = estimation.design, estimation.layout
     half = len(y) // 2
     residual, noise = design.residual(y, run.estimates), _noise_sizes(y)
-    known = design.spread(run.end) is not None
-    predicted = design.residual_variance(run.estimates) if known else None
     sentences = []
     names = layout.names[layout.timed :][: residual.shape[1]]
     for c, name in enumerate(names):
-        if predicted is not None:
-            off = _size(residual[half:, c] / np.sqrt(predicted[half:, c]))
-            contradicted = off > _SPREADS
-            than = f"{off:.0f} times what the filter predicts"
-        else:
-            off, measured = _size(residual[half:, c]), _spread(y[:, c])
-            greatest = np.nanmax(np.abs(residual[:, c]), initial=0.0)
-            least = (
-                _SHARE_UNFORESEEN * measured, _SPREADS * noise[c], _LEFT * greatest,
-                _ROUNDING * _size(y[:, c]),
-            )  # fmt: skip
-            contradicted = off > max(least)
-            than = f"{_percent(off, measured)} of the spread of what is measured"
-        if contradicted:
+        off, measured = _size(residual[half:, c]), _spread(y[:, c])
+        greatest = np.nanmax(np.abs(residual[:, c]), initial=0.0)
+        least = (
+            _SHARE_UNFORESEEN * measured, _SPREADS * noise[c], _LEFT * greatest,
+            _ROUNDING * _size(y[:, c]),
+        )  # fmt: skip
+        if off > max(least):
             turn = _turn(layout.units[layout.timed + c])
             wraps = bool((np.abs(np.diff(y[:, c])) > 0.5 * turn).any())
             sentences.append(
-                f"residual {name}: it is {than} in the second half of {where}; a "
+                f"residual {name}: it is {_percent(off, measured)} of the spread of what is "
+                f"measured in the second half of {where}; a "
                 "unit, a sign, an offset, the model or the sensor is wrong, or there is a fault "
                 "from early on" + wraps * "; of an angle that wraps, observer.periods states the "
                 "period, or wrap of its column"

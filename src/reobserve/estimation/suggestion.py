@@ -345,8 +345,6 @@ class _Grid:
 
         Few of them are numbers, but where ``odd`` ones show that it is a header.
         """
-        while titles and not titles[-1]:
-            titles = titles[:-1]
         beyond = any(cell for row in self._body for cell in row[len(titles) :])
         known = 0 if odd and set(odd) <= set(titles) else len(titles)
         numbers = sum(self._number(title) is not None for title in titles[:known])
@@ -377,9 +375,6 @@ class _Grid:
         titles, below = self._bare(above[k]), [j for j in above if j > k]
         kinds = [kind_of_line(self._bare(above[j])) for j in below]
         if sign_of(above[k]):
-            for j, kind in zip(below, kinds, strict=True):
-                if kind == "units":
-                    self._take_units(above[j])
             return self._named(titles), titles
         before = [line for j, line in above.items() if j < k]
         if before and not below and _are_units(self._bare(before[-1]), titles):
@@ -411,8 +406,6 @@ class _Grid:
         alike = bool(sign_of(upper)) == bool(sign_of(lower))
         known = all(unit == "-" or readings(unit) for unit in filter(None, units))
         if kind_of_line(units) != "units" or _are_units(titles, units):
-            return False
-        if not alike and (sign_of(lower) or not known):
             return False
         if not (alike and known):
             self.doubt = f"{lower!r} may have titles, or units of those above it"

@@ -86,7 +86,7 @@ def test_each_kind_of_warning_occurs(tmp_path: Path) -> None:
     for name, record, said in (
         ("slow luenberger", "sine", "residual x: it is  of the spread of what is measured"),
         ("slow levant", "sine", "residual x: it is"),
-        ("kalman", "step", "residual x: it is  what the filter predicts"),
+        ("kalman", "step", "innovations: over  they do not fit the filter: "),
         ("quick kalman", "rest", "rate: noise moves it by"),
         ("slow levant", "step", "derivatives_1: started again at half"),
     ):

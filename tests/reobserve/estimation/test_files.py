@@ -235,9 +235,9 @@ UNFORESEEN = "is wrong, or there is a fault from early on"
 @pytest.mark.parametrize(
     ("name", "column", "factor", "said"),
     [
-        ("kalman", "speed", 6.0, "times what the filter predicts in the second half of the first"),
-        ("kalman", "speed", 0.0, "times what the filter predicts in the second half of the first"),
-        ("augmented-kalman", "speed", 0.0, "times what the filter predicts"),
+        ("kalman", "speed", 6.0, "% of the spread of what is measured in the second half of the"),
+        ("kalman", "speed", 0.0, "far more than 100 % of the spread of what is measured"),
+        ("augmented-kalman", "speed", 0.0, "far more than 100 % of the spread of what is"),
         ("luenberger-gain", "speed", -1.0, "% of the spread of what is measured in the second"),
         ("luenberger", "speed", 0.0, "far more than 100 % of the spread of what is measured"),
         ("eso", "speed", 0.0, "far more than 100 % of the spread of what is measured"),
