@@ -179,15 +179,15 @@ class Plot:
     def _panel(self, ax: Any, columns: list[int]) -> None:
         for line, c in enumerate(columns):
             colour, dashes = _COLOURS[line % len(_COLOURS)], _DASHES[line % len(_DASHES)]
-            time, low, high = self._broken(c)
             name = self.drawn[c].name if len(columns) > 1 else None
             width = 0.8 if self.drawn[c].estimate == RESIDUAL else 1.4
-            if self.share == 1:
-                ax.plot(time, low, color=colour, linewidth=width, linestyle=dashes, label=name)
-            else:
-                ax.fill_between(time, low, high, color=colour, linewidth=0.6, label=name)
+            solid = {"linewidth": width, "linestyle": dashes}
+            self._curve(ax, self._broken(c), solid, color=colour, label=name)
             self._band(ax, c, colour)
-            self._measurements(ax, c)
+            if (measured := self._measured(c)) is not None:
+                dots = {"linestyle": "none", "marker": ".", "markersize": 2.0}
+                drawn = self._curve(ax, measured, dots, color=_MEASURED, zorder=1)
+                self.key["measured"] = drawn
         self._limit(ax, columns)
         for alarm in self.estimation.alarms:
             entry = self.estimation.report.alarms[alarm.rule.name]
@@ -225,19 +225,14 @@ class Plot:
         time, low, high = self._broken(self.measured + place)
         return time, column.conversion.of(low), column.conversion.of(high)
 
-    def _measurements(self, ax: Any, c: int) -> None:
-        """Draw the measurement of an estimate behind it."""
-        if (found := self._measured(c)) is None:
-            return
-        time, low, high = found
-        if self.share == 1:
-            (self.key["measured"],) = ax.plot(
-                time, low, ".", color=_MEASURED, markersize=2.0, zorder=1
-            )
-        else:
-            self.key["measured"] = ax.fill_between(
-                time, low, high, color=_MEASURED, linewidth=0.6, zorder=1
-            )
+    def _curve(
+        self, ax: Any, points: tuple[Array, Array, Array], line: dict[str, Any], **style: Any
+    ) -> Any:
+        """Draw a line, or the area between the minima and maxima of rows that share a point."""
+        time, low, high = points
+        if self.share > 1:
+            return ax.fill_between(time, low, high, linewidth=0.6, **style)
+        return ax.plot(time, low, **line, **style)[0]
 
     def _band(self, ax: Any, c: int, colour: str) -> None:
         """Draw the standard deviations to each side of an estimate, or of a residual of zero."""

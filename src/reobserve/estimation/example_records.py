@@ -123,10 +123,7 @@ def lag() -> Simulated:
         "level": rows[:, 0], "level_rate": rate, "valve": _valve_input(time),
         "valve_rate": 0.2 * np.cos(0.2 * time + 0.3), "delay": np.full(len(time), 0.6),
     }  # fmt: skip
-    logged = {
-        "level": ("level", 100.0, 0.0), "level_rate": ("level_rate", 100.0, 0.0),
-        "valve": ("valve", 100.0, 0.0), "valve_rate": ("valve_rate", 100.0, 0.0),
-    }  # fmt: skip
+    logged = {name: (name, 100.0, 0.0) for name in ("level", "level_rate", "valve", "valve_rate")}
     return Simulated(time, signals, logged)
 
 
