@@ -184,11 +184,13 @@ class Alarm:
         ends = []
         for key in ("since", "until"):
             bound, at = getattr(self.rule, key), f"{place}{key}"
-            if isinstance(bound, str) and self.dates is None:
+            if not isinstance(bound, str):
+                ends.append(float(bound))
+            elif self.dates is not None:
+                ends.append(self.dates.at(at, bound, report) - first)
+            else:
                 problem = f"{shown(bound)} must be seconds, as the record has no dates"
                 raise InputError(at, problem)
-            dated = isinstance(bound, str) and self.dates is not None
-            ends.append(self.dates.at(at, bound, report) - first if dated else float(bound))
         return ends
 
     def _learned(

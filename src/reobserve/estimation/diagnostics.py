@@ -277,7 +277,7 @@ def _noise_sizes(y: Array) -> Array:
     bends = np.abs(np.diff(y, 2, axis=0))
     bends[~np.isfinite(bends)] = np.nan
     # The median, so that jumps and outliers are no noise; 0.6745 of a deviation.
-    return np.nan_to_num(np.nanmedian(bends, axis=0) / 0.6745 / np.sqrt(6.0))
+    return np.asarray(np.nan_to_num(np.nanmedian(bends, axis=0) / 0.6745 / np.sqrt(6.0)))
 
 
 def _percent(part: float, whole: float) -> str:

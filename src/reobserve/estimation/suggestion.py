@@ -317,10 +317,8 @@ class _Grid:
             columns = {"time": time, **columns}
             if any(name not in titles for name in _names(time)):
                 titles = names
-                kept = {
-                    key: file[key] for key in ("comment", "tail", "missing_values") if key in file
-                }
-                file = {**kept, **self._named(names)}
+                kept = {"comment", "tail", "missing_values"} & file.keys()
+                file = {key: file[key] for key in sorted(kept)} | self._named(names)
         measured = _measured(names, units, body, self._number, unsure)
         measured = [entry for entry in measured if entry["column"] in titles]
         return Suggestion(columns, file, titles, self.rows[self.start], measured)
