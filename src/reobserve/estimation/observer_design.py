@@ -225,13 +225,6 @@ class Design(ABC):
         residual: Array = y - estimates[self.predicts][:, : y.shape[1]]
         return residual
 
-    def spread(self, state: Any) -> Array | None:
-        """The standard deviations, shape (p,), that are predicted for the next residual.
-
-        ``state`` is the one after a run; None if the observer predicts none.
-        """
-        return None
-
     def residual_variance(self, estimates: Estimates) -> Array | None:
         """The variances, shape (k, p), that were predicted for the residual, None if none were."""
         return None

@@ -576,13 +576,3 @@ class GaussianFilter(Observer[KalmanState]):
         if same and held is None:
             return given
         return KalmanState(posterior, sample, given.count, held, given.time, noise)
-
-
-def innovation_deviation(observer: GaussianFilter, state: KalmanState) -> Array:
-    """The standard deviations of the next row's innovation, shape (m,), if the model is right.
-
-    It raises what `predict` and `correct` do.
-    """
-    ahead = observer.predict(observer._checked(state).posterior, np.zeros(observer.inputs))
-    row = observer.correct(ahead, np.zeros(observer.measurements), np.zeros(observer.inputs))
-    return np.sqrt(np.diag(row.innovation_covariance))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.observers.gaussian_filter import GaussianFilter, innovation_deviation
+from reobserve.observers.gaussian_filter import GaussianFilter
 from reobserve.observers.gaussian_state import Correction, FilterSteps, Gaussian, KalmanState
 from reobserve.observers.kalman import LINEAR, Gain, KalmanFilter, gain_function
 from reobserve.observers.run import Run
@@ -124,7 +124,7 @@ def test_covariance_converges_to_the_riccati_solution(build: Any, mode: str) -> 
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs((found - expected) / scale).max() < 1e-9
     predicted = np.sqrt(np.diag(H @ expected @ H.T + R))
-    assert np.allclose(innovation_deviation(kalman, run.end), predicted, rtol=1e-9)
+    assert np.allclose(np.sqrt(np.diag(run["innovation_covariance"][-1])), predicted, rtol=1e-9)
 
 
 def test_exact_noise_free_model_is_tracked_from_any_initial_state() -> None:

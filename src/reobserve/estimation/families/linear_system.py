@@ -17,7 +17,6 @@ from reobserve.estimation.families.rules import periods, rule_estimates
 from reobserve.estimation.families.signals import NamedSignal, variances
 from reobserve.estimation.observer_design import Certificate, Design, Estimates, System, pole_text
 from reobserve.observers.fixed_gain import FixedGainObserver
-from reobserve.observers.gaussian_filter import GaussianFilter, innovation_deviation
 from reobserve.synthesis.linear_gain import undetectable_modes
 from reobserve.systems.linear import LinearModel
 
@@ -157,12 +156,6 @@ class FilterDesign(Design):
         return {"state": "variance"} | {
             name: pair for name, pair in pairs.items() if pair in self.estimates
         }
-
-    def spread(self, state: Any) -> Array | None:
-        """The deviations that the filter predicts for the next innovation."""
-        observer: Any = self.observer
-        known = isinstance(observer, GaussianFilter) and self.sigmas
-        return innovation_deviation(observer, state) if known else None
 
     def residual_variance(self, estimates: Estimates) -> Array | None:
         """The diagonal of the innovation covariance, if the noise is stated and there is one."""
