@@ -208,10 +208,9 @@ class Alarm:
         if not since < until or until < 0.0:
             problem = f"{rule.until} must be after since, {rule.since}, and after the first row"
             raise InputError(f"{place}until", problem)
-        slack = _ROUNDING * until
-        if not entry.ready or time[0] - entry.origin <= until + slack:
-            past = time - entry.origin
-            after: NDArray[np.bool_] = past > until + slack
+        past, slack = time - entry.origin, _ROUNDING * until
+        after: NDArray[np.bool_] = past > until + slack
+        if not entry.ready:
             taken = ~after & (past >= since - slack)
             if grown is not None:
                 taken &= grown == 1.0
@@ -226,8 +225,6 @@ class Alarm:
                 if entry.learned > 1:
                     deviation = np.sqrt(entry.squares / (entry.learned - 1))
                     entry.threshold = rule.sigma * float(deviation)
-        else:
-            after = np.ones(len(time), dtype=bool)
         if entry.threshold is None:
             return np.zeros(len(time), dtype=bool)
         if entry.learned < FEW:

@@ -67,37 +67,35 @@ _SAID = {"autocorrelation": "lag-1 autocorrelation", "mean": "mean in standard d
 
 @dataclass
 class FirstRows:
-    """The longest stretch among the first rows of a record, however it comes in blocks."""
+    """The first rows of a record, in lists of stretches from start to start of the observer."""
 
-    current: list[Stretch] = field(default_factory=list)
-    longest: list[Stretch] = field(default_factory=list)
+    runs: list[list[Stretch]] = field(default_factory=list)
     rows: int = 0
 
     def take(self, stretch: Stretch) -> None:
-        """Keep rows as long as they may be of the longest stretch."""
-        if stretch.fresh:
-            self.current = []
-        count = min(MOST_ROWS - _rows(self.current), _LOOKED_AT - self.rows)
+        """Keep rows as long as they are among the first."""
+        if (count := _LOOKED_AT - self.rows) > 0:
+            *columns, fresh = stretch
+            self.runs += [[]] if fresh else []
+            self.runs[-1].append(Stretch(*(column[:count] for column in columns), fresh))
         self.rows += len(stretch.y)
-        if count <= 0 or _rows(self.longest) >= MOST_ROWS > _rows(self.current):
-            return
-        time, y, u, status, fresh = stretch
-        self.current.append(Stretch(time[:count], y[:count], u[:count], status[:count], fresh))
-        if _rows(self.current) > _rows(self.longest):
-            self.longest = self.current
 
-
-def _rows(stretches: list[Stretch]) -> int:
-    return sum(len(stretch.y) for stretch in stretches)
+    def longest(self) -> tuple[Array, Array]:
+        """Measurements and inputs of the longest run, as far as they are looked at."""
+        lengths = [min(sum(len(one.y) for one in run), MOST_ROWS) for run in self.runs]
+        if not any(lengths):
+            return np.empty((0, 0)), np.empty((0, 0))
+        _, y, u, _, _ = joined(self.runs[lengths.index(max(lengths))])
+        return y[:MOST_ROWS], u[:MOST_ROWS]
 
 
 def diagnostics(estimation: Estimation, first_rows: FirstRows) -> list[str]:
     """Sentences on what would mislead in these results, or none if nothing does."""
-    rows = _rows(first_rows.longest)
+    y, u = first_rows.longest()
+    rows = len(y)
     if rows < _LEAST_ROWS:
         text = f"too few rows to check noise or settling: {rows} in the longest stretch"
         return [text] if rows else []
-    _, y, u, _, _ = joined(first_rows.longest)
     where = f"the {rows} rows of the longest stretch" if estimation.report.restarts else ""
     where = where or f"the first {rows} rows"
     try:
