@@ -191,17 +191,16 @@ def _contradicted(estimation: Estimation, y: Array, run: Any, where: str) -> lis
             _ROUNDING * _size(y[:, c]),
         )  # fmt: skip
         if off > max(least):
-            turn = _turn(layout.units[layout.timed + c])
-            wraps = bool((np.abs(np.diff(y[:, c])) > 0.5 * turn).any())
             sentences.append(
                 f"residual {name}: it is {_percent(off, measured)} of the spread of what is "
-                f"measured in the second half of {where}; a "
-                "unit, a sign, an offset, the model or the sensor is wrong, or there is a fault "
-                "from early on" + wraps * "; of an angle that wraps, observer.periods states the "
-                "period, or wrap of its column"
+                f"measured in the second half of {where}; a unit, a sign, an offset, the model or "
+                "the sensor is wrong, or there is a fault from early on"
             )
     misfit = _misfit(estimation, run.estimates, names, where)
-    return sentences or misfit
+    turns = np.array([_turn(unit) for unit in layout.units[layout.timed :][: y.shape[1]]])
+    wraps = bool((np.abs(np.diff(y, axis=0)) > 0.5 * turns).any())
+    hint = "; of an angle that wraps, observer.periods states the period, or wrap of its column"
+    return [sentence + hint * wraps for sentence in sentences or misfit]
 
 
 def _misfit(estimation: Estimation, estimates: Any, names: Sequence[str], where: str) -> list[str]:
