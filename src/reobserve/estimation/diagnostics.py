@@ -75,9 +75,10 @@ class FirstRows:
     def take(self, stretch: Stretch) -> None:
         """Keep rows as long as they are among the first."""
         if (count := _LOOKED_AT - self.rows) > 0:
-            *columns, fresh = stretch
+            time, y, u, status, fresh = stretch
             self.runs += [[]] if fresh else []
-            self.runs[-1].append(Stretch(*(column[:count] for column in columns), fresh))
+            kept = Stretch(time[:count], y[:count], u[:count], status[:count], fresh)
+            self.runs[-1].append(kept)
         self.rows += len(stretch.y)
 
     def longest(self) -> tuple[Array, Array]:
