@@ -22,19 +22,23 @@ pytestmark = pytest.mark.nightly
 
 TARGET = "figures"
 DAY = 86_400.0  # s
+ANOTHER = 65_534  # a user who has nothing else
+IS_ROOT = os.geteuid() == 0
+# Without the rights by which root writes what others may not.
+AS_A_USER = "setpriv --bounding-set=-dac_override,-dac_read_search,-fowner " * IS_ROOT
 # What happens, and how many results there are before, or how large files may become [KB], or by how
-# many days clocks are wrong, or which result it happens to.
+# many days clocks are wrong, or which result, file or folder it happens to.
 FAULTS = some.one_of(
     some.tuples(some.just("kill"), some.integers(1, 12)),
     some.tuples(some.just("full disk"), some.integers(0, 64)),
     some.tuples(some.just("clock"), some.integers(-400, 400)),
-    some.tuples(some.just("read-only"), some.integers(0, 12)),
+    some.tuples(some.sampled_from(["read-only", *["another owner"] * IS_ROOT]), some.integers(0)),
     some.tuples(some.just("cut"), some.integers(0, 12)),
     some.tuples(some.just("two at once"), some.just(0)),
 )
 EACH = [
-    ("kill", 3), ("full disk", 4), ("clock", -1), ("cut", 2), ("read-only", 0), ("kill", 8),
-    ("clock", 1), ("two at once", 0),
+    ("kill", 3), ("full disk", 4), ("clock", -1), ("cut", 2), ("kill", 8), ("clock", 1),
+    ("two at once", 0),
 ]  # fmt: skip
 
 
@@ -78,22 +82,40 @@ def happen(project: Project, fault: str, size: int) -> None:
             os.utime(path, (time.time() + DAY * size,) * 2)
         elif fault == "cut":
             path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-        elif fault == "read-only":
-            folder, mode = path.parent, path.parent.stat().st_mode
-            folder.chmod(0o555)
-            try:
-                started(project).wait()
-            finally:
-                folder.chmod(mode)
+    if fault in ("read-only", "another owner"):
+        hindered(project, fault, size)
     project.run("snakemake", "--unlock", check=False)
 
 
-@given(some.lists(FAULTS, min_size=1, max_size=3))
-@example(EACH)
-@fewer(100)
-def test_build_after_faults_has_the_bytes_of_an_undisturbed_one(
-    undisturbed: Project, faults: list[tuple[str, int]]
-) -> None:
+def hindered(project: Project, fault: str, number: int) -> None:
+    """A build of everything where one file or folder cannot be written, which it says if it ends.
+
+    Files of a project have even numbers, folders odd ones.
+    """
+    started(project).wait()
+    places = [
+        path
+        for top in ("results", "logs", ".snakemake")
+        for path in (project.folder / top, *sorted((project.folder / top).rglob("*")))
+        if path.is_dir() == number % 2
+    ]
+    place = places[number // 2 % len(places)]
+    about = place.stat()
+    if fault == "read-only":
+        place.chmod(about.st_mode & ~0o222)
+    else:
+        os.chown(place, ANOTHER, ANOTHER)
+    line = f"{AS_A_USER}snakemake --cores 1 --forceall {TARGET}"
+    done = project.run(*line.split(), check=False)
+    os.chown(place, about.st_uid, about.st_gid)
+    place.chmod(about.st_mode)
+    said = done.stdout + done.stderr
+    assert 'File "' not in said, said  # as in a traceback
+    assert done.returncode == 0 or str(place.relative_to(project.folder)) in said, said
+
+
+def check(undisturbed: Project, faults: list[tuple[str, int]]) -> None:
+    """Compare a build after faults with the undisturbed one."""
     wanted = undisturbed.results()
     with tempfile.TemporaryDirectory() as folder:
         project = copy_toy(Path(folder) / "toy")
@@ -108,3 +130,22 @@ def test_build_after_faults_has_the_bytes_of_an_undisturbed_one(
         found = project.results()
         assert sorted(found) == sorted(wanted)
         assert [name for name in found if found[name] != wanted[name]] == []
+
+
+@given(some.lists(FAULTS, min_size=1, max_size=3))
+@example(EACH)
+@fewer(100)
+def test_build_after_faults_has_the_bytes_of_an_undisturbed_one(
+    undisturbed: Project, faults: list[tuple[str, int]]
+) -> None:
+    check(undisturbed, faults)
+
+
+PLACES = (13, 23, 30)  # results/toy, .snakemake, results/toy/table1.csv
+
+
+@pytest.mark.parametrize("fault", ["read-only", "another owner"])
+def test_place_that_cannot_be_written_is_named(undisturbed: Project, fault: str) -> None:
+    if fault == "another owner" and not IS_ROOT:
+        pytest.skip("only root gives files to others")
+    check(undisturbed, [(fault, number) for number in PLACES])

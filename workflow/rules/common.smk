@@ -7,6 +7,7 @@ from pathlib import Path
 
 from reobserve.core.command_line import collect_rarely
 from reobserve.core.documents import read_yaml
+from reobserve.core.files import check_folder
 from reobserve.core.import_closure import closure_digest
 from reobserve_papers.claims.claims_digest import claims_digest
 from reobserve_papers.claims.configuration_checks import checked_papers
@@ -50,9 +51,10 @@ with refused_in_one_sentence():
     checked = checked_papers(Path(), PARAMETERS, config)
     if not workflow.dryrun and "--unlock" not in sys.argv:
         refuse_beside_another_build(Path(), PARAMETERS)
-
-if workflow.is_main_process:
-    mark_unrecorded(Path())
+        if "--nolock" not in sys.argv:
+            check_folder(Path(".snakemake/locks/0.input.lock"))
+    if workflow.is_main_process:
+        mark_unrecorded(Path())
 
 PAPERS = config["papers"]
 CLAIMED = [paper for paper in PAPERS if has_claims(Path(), paper)]
@@ -218,6 +220,10 @@ def code_of_task(wildcards):
 # No job makes these files. Snakemake would not see that the params of a job have changed while a
 # job before it, whose output it takes as `ancient`, has yet to run.
 onstart:
+    with refused_in_one_sentence():
+        for job in workflow.dag.needrun_jobs():
+            for file in (*job.output, *job.log):
+                check_folder(Path(file))
     for paper in PARAMETERS:
         checked(paper)
     write_parameters(Path(), PARAMETERS, config)

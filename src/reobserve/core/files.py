@@ -105,7 +105,7 @@ def _alone_in(folder: Path) -> Iterator[None]:
 def check_replaceable(path: Path) -> None:
     """Refuse to put a file where something else stands: a folder, a device, a link, a fifo."""
     if path.name:
-        _check_folder(path)
+        check_folder(path)
     try:
         mode = os.lstat(path).st_mode
     except FileNotFoundError:
@@ -118,7 +118,7 @@ def check_replaceable(path: Path) -> None:
         raise InputError(str(path), "is read-only, and so it is not replaced")
 
 
-def _check_folder(path: Path) -> None:
+def check_folder(path: Path) -> None:
     """Refuse what no file system would take, before work is done that would then be lost."""
     try:
         folder = next(one for one in path.absolute().parents if os.path.lexists(one))

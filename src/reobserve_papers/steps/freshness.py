@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.errors import ReobserveError
-from reobserve.core.files import write_text
+from reobserve.core.files import check_folder, write_text
 
 _PENDING = "update pending"
 
@@ -51,6 +51,7 @@ def mark_unrecorded(project: Path) -> None:
         return
     for record in (project / ".snakemake/metadata").rglob("*"):
         if record.is_file() and not _read(record):
+            check_folder(record)
             record.unlink(missing_ok=True)
     seen: set[str] = set()
     for folder, inside, names in os.walk(project / "results", followlinks=True):
