@@ -28,12 +28,12 @@ NOT_HERE = {
 DRY = {
     r"make .*": "{} --dry-run",
     r"\.venv/bin/snakemake .*": "{} --dry-run",
-    r"\.venv/bin/pytest .*": "{} --collect-only --quiet",
+    r"(\.venv/bin/pytest [^|]*)( \| tee drawn\.txt)?": "{1} --collect-only --quiet",
     r"\.venv/bin/reobserve-papers (\w+) .*": ".venv/bin/reobserve-papers {1} --help",
     r"\.venv/bin/python -m benchmarks .*": ".venv/bin/python -m benchmarks --help",
     r"\.venv/bin/python -m tests\.budget .*": ".venv/bin/python -m tests.budget",
     r"find src (.*) -exec rm -r \{\} \+": "find src {1} -print",
-    r"(?:test ! -f \S+ \|\| )?(?:cat|tail -n 40) \S+ >> \"\$GITHUB_STEP_SUMMARY\"": "{}",
+    r"(?:test ! -f \S+ \|\| )?(?:cat|tail -n \d+) \S+ >> \"\$GITHUB_STEP_SUMMARY\"": "{}",
     r"if \[ -f figdiff/summary.md \]; then\n.*\nfi": "{}",
 }
 
