@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from decimal import Decimal
 from fractions import Fraction
@@ -16,12 +17,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 import reobserve
-from reobserve import InputError, KalmanFilter, LinearModel, normal_form_observer
+from reobserve import KalmanFilter, LinearModel, normal_form_observer
 from reobserve.systems.periods import wrapped
 from tests.reobserve.bad_input.odd import WORDS, changed
 from tests.reobserve.bad_input.outcome import is_accepted, limited_memory
@@ -202,52 +202,65 @@ def made(call: Call, arguments: Sequence[Any]) -> Any:
     return None
 
 
-def check_odd_arguments(data: st.DataObject, every: Mapping[str, Call]) -> None:
-    """Make one of the calls with one or two odd arguments."""
-    call: Call = data.draw(st.sampled_from([one for one in every.values() if one.arguments]))
+@dataclass(frozen=True)
+class OddCall:
+    """A call with other arguments; ``never`` if one of them may not be taken for a number."""
+
+    call: Call
+    arguments: Sequence[Any]
+    never: bool = False
+
+    def check(self) -> None:
+        """Make it."""
+        found: list[Any] = []
+        is_accepted(lambda: found.append(made(self.call, self.arguments)))
+        assert not (found and self.never), "took for a number what is none"
+        if not list(not_finite(self.arguments)):
+            usual = set(not_finite(self.call.function(*self.call.arguments)))
+            assert set(not_finite(found)) <= {f"[]{place}" for place in usual}, "is not finite"
+
+
+@st.composite
+def odd_calls(draw: st.DrawFn, calls: Callable[[], Mapping[str, Call]]) -> OddCall:
+    """One of the calls with one or two odd arguments."""
+    every = list(calls().values())
+    call: Call = draw(st.sampled_from([one for one in every if one.arguments]))
     arguments = [one.copy() if type(one) is np.ndarray else one for one in call.arguments]
     never = False
     places = st.integers(0, len(arguments) - 1)
-    other: Call = data.draw(st.sampled_from(list(every.values())))
-    for at in data.draw(st.lists(places, min_size=1, max_size=2, unique=True)):
-        name, arguments[at] = data.draw(odd_argument(call.arguments[at], other.arguments))
+    other: Call = draw(st.sampled_from(every))
+    for at in draw(st.lists(places, min_size=1, max_size=2, unique=True)):
+        name, arguments[at] = draw(odd_argument(call.arguments[at], other.arguments))
         # A type can be called, and what it raises when it is called is the caller's affair.
         assume(not (callable(call.arguments[at]) and callable(arguments[at])))
         numeric = is_numeric(call.arguments[at])
         never = never or (numeric and name in NEVER and name not in call.takes)
-    found: list[Any] = []
-    is_accepted(lambda: found.append(made(call, arguments)))
-    assert not (found and never), "took for a number what is none"
-    if not list(not_finite(arguments)):
-        usual = set(not_finite(call.function(*call.arguments)))
-        assert set(not_finite(found)) <= {f"[]{place}" for place in usual}, "is not finite"
-
-
-@settings(max_examples=10 * settings().max_examples)
-@given(st.data())
-def test_arguments_of_any_kind_are_taken_or_refused(data: st.DataObject) -> None:
-    check_odd_arguments(data, calls())
+    return OddCall(call, arguments, never)
 
 
 KALMAN = KalmanFilter(LinearModel([[1]], C=[[1]], Q=1, R=1))
 RUN = KALMAN.run([0.0, 1.0], start=KALMAN.init([0], 1))
-SEEN: dict[str, Callable[[], object]] = {
-    "names: no names": lambda: RUN.plot(2.0),  # type: ignore[arg-type]
-    "known: no mapping": lambda: RUN.plot(known=[1.0]),  # type: ignore[arg-type]
-    "time: a module": lambda: KALMAN.run([0.0, 1.0], start=KALMAN.init([0], 1), time=np),
-    "periods: of another shape": lambda: wrapped([1.0, 2.0], [[1.0, 2.0]]),
-    "periods: complex": lambda: wrapped([1.0], 1j),
-    "values: words": lambda: wrapped("a", 1.0),
-    "gain: that is not used": lambda: normal_form_observer(
-        ["-a"], ["a"], ["a"], order=0, sampling_period=0.1, poles=[-1], form="transformed", gain="x"
-    ),
-}
+KNOWN = {"order": 0, "sampling_period": 0.1, "poles": [-1], "form": "transformed"}
 
 
-@pytest.mark.parametrize("case", SEEN)
-def test_values_that_once_raised_other_errors_are_refused(case: str) -> None:
-    with pytest.raises(InputError, match=f"^{case.partition(':')[0]}: "):
-        SEEN[case]()
+def refused(function: Callable[..., object], valid: Any, odd: Any) -> OddCall:
+    """A call with an argument that may not be taken."""
+    return OddCall(Call("", function, (valid,)), (odd,), never=True)
+
+
+@settings(max_examples=10 * settings().max_examples)
+@given(odd_calls(calls))
+@example(refused(RUN.plot, None, 2.0))
+@example(refused(lambda known: RUN.plot(known=known), None, [1.0]))
+@example(refused(lambda time: KALMAN.run([0.0], start=KALMAN.init([0], 1), time=time), None, np))
+@example(refused(lambda periods: wrapped([1.0, 2.0], periods), 1.0, [[1.0, 2.0]]))
+@example(refused(lambda periods: wrapped([1.0], periods), 1.0, 1j))
+@example(refused(lambda values: wrapped(values, 1.0), [1.0], "a"))
+@example(
+    refused(lambda x: normal_form_observer(["-a"], ["a"], ["a"], gain=x, **KNOWN), "series", 1)
+)
+def test_arguments_of_any_kind_are_taken_or_refused(odd: OddCall) -> None:
+    odd.check()
 
 
 def test_every_public_name_has_a_call() -> None:

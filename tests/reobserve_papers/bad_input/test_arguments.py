@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from tests.drawn.test_calls import check_odd_arguments
+from tests.drawn.test_calls import OddCall, odd_calls
 from tests.reobserve_papers.library.calls import calls
 
 
 @settings(max_examples=4 * settings().max_examples)
-@given(st.data())
-def test_arguments_of_odd_type_shape_or_value_are_accepted_or_refused(data: st.DataObject) -> None:
-    check_odd_arguments(data, calls())
+@given(odd_calls(calls))
+def test_arguments_of_odd_type_shape_or_value_are_accepted_or_refused(odd: OddCall) -> None:
+    odd.check()
