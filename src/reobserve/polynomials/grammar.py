@@ -55,7 +55,8 @@ def functions() -> dict[str, Any]:
         def eval(cls, *arguments: Any) -> Any:
             name = cls.__name__
             for u in arguments:
-                if u.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+                unreal = name == "atan2" and u.is_extended_real is False
+                if unreal or u.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
                     return sympy.nan
                 if not (u.is_Number or u.is_NumberSymbol or (u / sympy.pi).is_Rational):
                     return None
