@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from decimal import Decimal
 from fractions import Fraction
@@ -202,26 +201,21 @@ def made(call: Call, arguments: Sequence[Any]) -> Any:
     return None
 
 
-@dataclass(frozen=True)
-class OddCall:
-    """A call with other arguments; ``never`` if one of them may not be taken for a number."""
+Odd = tuple[Call, Sequence[Any], bool]  # with other arguments, and if one may not be a number
 
-    call: Call
-    arguments: Sequence[Any]
-    never: bool = False
 
-    def check(self) -> None:
-        """Make it."""
-        found: list[Any] = []
-        is_accepted(lambda: found.append(made(self.call, self.arguments)))
-        assert not (found and self.never), "took for a number what is none"
-        if not list(not_finite(self.arguments)):
-            usual = set(not_finite(self.call.function(*self.call.arguments)))
-            assert set(not_finite(found)) <= {f"[]{place}" for place in usual}, "is not finite"
+def check(call: Call, arguments: Sequence[Any], never: bool) -> None:
+    """Make a call with odd arguments."""
+    found: list[Any] = []
+    is_accepted(lambda: found.append(made(call, arguments)))
+    assert not (found and never), "took for a number what is none"
+    if not list(not_finite(arguments)):
+        usual = set(not_finite(call.function(*call.arguments)))
+        assert set(not_finite(found)) <= {f"[]{place}" for place in usual}, "is not finite"
 
 
 @st.composite
-def odd_calls(draw: st.DrawFn, calls: Callable[[], Mapping[str, Call]]) -> OddCall:
+def odd_calls(draw: st.DrawFn, calls: Callable[[], Mapping[str, Call]]) -> Odd:
     """One of the calls with one or two odd arguments."""
     every = list(calls().values())
     call: Call = draw(st.sampled_from([one for one in every if one.arguments]))
@@ -235,7 +229,7 @@ def odd_calls(draw: st.DrawFn, calls: Callable[[], Mapping[str, Call]]) -> OddCa
         assume(not (callable(call.arguments[at]) and callable(arguments[at])))
         numeric = is_numeric(call.arguments[at])
         never = never or (numeric and name in NEVER and name not in call.takes)
-    return OddCall(call, arguments, never)
+    return call, arguments, never
 
 
 KALMAN = KalmanFilter(LinearModel([[1]], C=[[1]], Q=1, R=1))
@@ -243,9 +237,9 @@ RUN = KALMAN.run([0.0, 1.0], start=KALMAN.init([0], 1))
 KNOWN = {"order": 0, "sampling_period": 0.1, "poles": [-1], "form": "transformed"}
 
 
-def refused(function: Callable[..., object], valid: Any, odd: Any) -> OddCall:
+def refused(function: Callable[..., object], valid: Any, odd: Any) -> Odd:
     """A call with an argument that may not be taken."""
-    return OddCall(Call("", function, (valid,)), (odd,), never=True)
+    return Call("", function, (valid,)), (odd,), True
 
 
 @settings(max_examples=10 * settings().max_examples)
@@ -259,8 +253,8 @@ def refused(function: Callable[..., object], valid: Any, odd: Any) -> OddCall:
 @example(
     refused(lambda x: normal_form_observer(["-a"], ["a"], ["a"], gain=x, **KNOWN), "series", 1)
 )
-def test_arguments_of_any_kind_are_taken_or_refused(odd: OddCall) -> None:
-    odd.check()
+def test_arguments_of_any_kind_are_taken_or_refused(odd: Odd) -> None:
+    check(*odd)
 
 
 def test_every_public_name_has_a_call() -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
@@ -30,7 +31,7 @@ from reobserve_papers.parameters.prepare import load_parameters
 from reobserve_papers.signals.inputs import Signal
 from tests import ROOT
 from tests.reobserve.bad_input import valid
-from tests.reobserve.bad_input.odd import as_json, as_yaml, changed, damaged
+from tests.reobserve.bad_input.odd import CSV, YAML, as_json, as_yaml, bomb, changed, damaged
 from tests.reobserve.bad_input.outcome import command, is_accepted
 from tests.reobserve_papers.bad_input import outcome
 from tests.reobserve_papers.bad_input import valid as papers
@@ -53,7 +54,20 @@ class Reader:
 
     def accepts(self, content: bytes) -> bool:
         """Whether other content of the file is accepted."""
-        return self.is_accepted(self.call, {**self.others, self.file: content})
+        return self.result(content) is not None
+
+    def result(self, content: bytes) -> Any:
+        """What is returned and written for other content of the file, or None if it is refused."""
+        files, made = {**self.others, self.file: content}, list[Any]()
+
+        def call() -> None:
+            found = self.call()
+            paths = [one for one in Path().rglob("*.*") if one.is_file() and not one.is_symlink()]
+            new = {str(one): one.read_bytes() for one in paths}
+            made.append((found, {k: new[k] for k in sorted(new) if new[k] != files.get(k)}))
+
+        self.is_accepted(call, files)
+        return made[0] if made else None
 
     @cached_property
     def valid(self) -> bytes:
@@ -63,31 +77,6 @@ class Reader:
     def dumped(self, tree: Any) -> bytes:
         """A tree in the format of the file."""
         return as_json(self.seal(tree)) if self.file.endswith(".json") else as_yaml(tree)
-
-
-YAML = [
-    b"&a ", b"*a", b"&a [*a]", b"<<: *a", b"<<: {b: 1}", b"!!binary aGk=", b"!!set {a}", b"!x",
-    b"!!python/object/apply:os.system [touch escaped]", b"!!python/name:os.system", b"!!",
-    b"2020-01-01", b"2020-01-01T00:00:00Z", b"1" * 5000, b"1e999", b".nan", b"-.inf", b"0b12",
-    b"12:30:45", b"? ", b"? [a]\n: 1\n", b": ", b"- ", b"\t", b"\r", b"\x00", b"\xff\xfe", b"%",
-    b"\xef\xbb\xbf", b"\xc3\x28", b"\xe2\x80\xa8", b"[" * 2000, b"{a: " * 1000, b"---\n",
-    b"...\n", b"|\n", b">-\n", b"'", b'"', b'"\\uD800"', b"#", b"@", b"`", b"a: 1\na: 2\n",
-    b"1: 2\n", b"null", b"\xf0\x9f\x98\x80", b"yes", b"!!omap [a: 1]", b"!!int x",
-    b"!!float []", b"!!timestamp x",
-]  # fmt: skip
-CSV = [
-    b",", b",,", b"\n", b"\n\n", b"\r", b"\r\n", b'"', b'""', b'"a"', b"nan", b"NA", b"inf",
-    b"-inf", b"1e999", b"x", b" ", b" [", b"\x00", b"\xff", b"\xc3\xa9", b"\xef\xbb\xbf",
-    b"\xd9\xa3", b"time", b"t", b"time,time", b"speed [rpm]", b";", b"\t", b"2020-01-01", b"true",
-    b"1,2,3", b"0,0\n", b"#", b"=1+1", b"0x1", b"1_000", b"9" * 400, b"-1", b"-", b"1e-400",
-    b"1e308", b"$(touch escaped)", b"a" * 20_000, b"observer,metric,value,unit\n",
-]  # fmt: skip
-
-
-def bomb(width: int, depth: int) -> bytes:
-    """Each line refers to the previous one several times: short to write, endless to expand."""
-    lines = [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * width)}]" for k in range(1, depth)]
-    return "\n".join(["a0: &a0 [x]", *lines]).encode()
 
 
 def words(*line: object) -> Callable[[], object]:
@@ -129,12 +118,12 @@ def streamed_record(name: str) -> Reader:
     return replace(estimated_record(name), call=read)
 
 
-def resumed(name: str) -> None:
+def resumed(name: str) -> object:
     """Go on with a stream from its state in a file."""
     header, *rows = valid.csv_record(name).splitlines(keepends=True)
     half = rows[:30] if not Path("in.json").exists() else rows[30:]
     stdin = b"".join([header, *half])
-    command("estimate", "s.yaml", "--stream", "--state", "in.json", stdin=stdin)
+    return command("estimate", "s.yaml", "--stream", "--state", "in.json", stdin=stdin)
 
 
 @cache
@@ -315,7 +304,10 @@ def test_changed_files_are_accepted_or_refused(
 ) -> None:
     reader, name = which
     one = reader(name)
-    one.accepts(data.draw(st.one_of([*contents(one)])))
+    content = data.draw(st.one_of([*contents(one)]))
+    found, digest = one.result(content), re.search(rb'(sha256|digest)[": ]+[0-9a-f]+', one.valid)
+    if found is not None and digest and digest[0] in content:
+        assert found == one.result(one.valid)
 
 
 @pytest.mark.nightly_after(4)

@@ -19,6 +19,24 @@ NUMBERS = [
     0, -0.0, 1, -1, 2, 3, 0.5, 1e-9, 5e-324, 1e300, -1e300, 2**31, 2**63, -(2**64), 10**30,
     float("nan"), float("inf"), float("-inf"),
 ]  # fmt: skip
+# Parts of files.
+YAML = [
+    b"&a ", b"*a", b"&a [*a]", b"<<: *a", b"<<: {b: 1}", b"!!binary aGk=", b"!!set {a}", b"!x",
+    b"!!python/object/apply:os.system [touch escaped]", b"!!python/name:os.system", b"!!",
+    b"2020-01-01", b"2020-01-01T00:00:00Z", b"1" * 5000, b"1e999", b".nan", b"-.inf", b"0b12",
+    b"12:30:45", b"? ", b"? [a]\n: 1\n", b": ", b"- ", b"\t", b"\r", b"\x00", b"\xff\xfe", b"%",
+    b"\xef\xbb\xbf", b"\xc3\x28", b"\xe2\x80\xa8", b"[" * 2000, b"{a: " * 1000, b"---\n",
+    b"...\n", b"|\n", b">-\n", b"'", b'"', b'"\\uD800"', b"#", b"@", b"`", b"a: 1\na: 2\n",
+    b"1: 2\n", b"null", b"\xf0\x9f\x98\x80", b"yes", b"!!omap [a: 1]", b"!!int x",
+    b"!!float []", b"!!timestamp x",
+]  # fmt: skip
+CSV = [
+    b",", b",,", b"\n", b"\n\n", b"\r", b"\r\n", b'"', b'""', b'"a"', b"nan", b"NA", b"inf",
+    b"-inf", b"1e999", b"x", b" ", b" [", b"\x00", b"\xff", b"\xc3\xa9", b"\xef\xbb\xbf",
+    b"\xd9\xa3", b"time", b"t", b"time,time", b"speed [rpm]", b";", b"\t", b"2020-01-01", b"true",
+    b"1,2,3", b"0,0\n", b"#", b"=1+1", b"0x1", b"1_000", b"9" * 400, b"-1", b"-", b"1e-400",
+    b"1e308", b"$(touch escaped)", b"a" * 20_000, b"observer,metric,value,unit\n",
+]  # fmt: skip
 DEEP: Any = []
 for _ in range(200):
     DEEP = [DEEP]
@@ -89,6 +107,12 @@ def damaged(draw: st.DrawFn, content: bytes, tokens: list[bytes] | None = None) 
         )
         content = content[:at] + new + content[end:]
     return content
+
+
+def bomb(width: int, depth: int) -> bytes:
+    """Each line refers to the previous one several times: short to write, endless to expand."""
+    lines = [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * width)}]" for k in range(1, depth)]
+    return "\n".join(["a0: &a0 [x]", *lines]).encode()
 
 
 def as_json(tree: Any) -> bytes:

@@ -73,9 +73,11 @@ def command(
     parse_only: bool = False,
     main: Callable[[list[str]], int] = main,
     parser: Callable[[], ArgumentParser] = command_parser,
-) -> None:
-    """Run ``reobserve``, or only its parser, in this process; raises `RefusedError` if it
-    refuses."""
+) -> str:
+    """What ``reobserve``, or only its parser, prints in this process.
+
+    Raises `RefusedError` if it refuses.
+    """
     out, err = io.StringIO(), io.StringIO()
     line, before = list(map(str, words)), sys.stdin
     sys.stdin = SimpleNamespace(buffer=io.BytesIO(stdin))  # type: ignore[assignment]
@@ -95,6 +97,7 @@ def command(
         assert not usage or usage.startswith("\nusage: "), usage
         assert len(messages) == 1 or line[0] == "estimate", "more than one refusal"
         raise RefusedError(messages[-1])
+    return out.getvalue()
 
 
 def _files(top: Path) -> dict[str, object]:
