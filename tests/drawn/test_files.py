@@ -294,7 +294,7 @@ def contents(one: Reader) -> Iterator[st.SearchStrategy[bytes]]:
     tokens = {"csv": CSV, "yaml": YAML, "json": YAML}.get(one.file.rpartition(".")[2])
     yield damaged(one.valid, tokens)
     if one.tree is not None:
-        yield from [changed(one.tree).map(one.dumped)] * 3
+        yield from map(changed(one.tree).map, (one.dumped, one.dumped, as_json))
 
 
 @settings(max_examples=6 * settings().max_examples)
