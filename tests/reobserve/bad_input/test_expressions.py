@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError
 from reobserve.observers.normal_form import normal_form_observer
 
-from .odd import values
 from .outcome import is_accepted
 
 HOSTILE = [
@@ -54,14 +51,3 @@ def test_expressions_that_sympy_cannot_compute_are_refused(text: str) -> None:
 def test_constant_without_a_value_is_refused_as_coefficient(text: str) -> None:
     with pytest.raises(InputError, match=r"^dynamics\[1\]: .* has no Taylor series at the origin"):
         normal_form_observer(**{**VALID, "dynamics": ["w", text]})
-
-
-ODD = [
-    0, 1, 2, 7, 200, 10**9, -1, 1.5, None, True, "a", [], ["a"], [-1], [-1, "x"], [-1, -1], [1, 2],
-    [-1 + 1j, -1 - 1j], [-1 + 1j, -2], ["a", "a"], ["sin", "w"], ["lambda", "w"],
-]  # fmt: skip
-
-
-@given(st.sampled_from([*VALID, "degree", "form", "gain", "inputs"]), st.sampled_from(ODD) | values)
-def test_odd_normal_form_arguments_are_accepted_or_refused(name: str, value: Any) -> None:
-    accepts(**{name: value})

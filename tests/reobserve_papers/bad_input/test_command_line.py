@@ -150,26 +150,10 @@ def test_input_that_is_not_a_file_is_refused(places: Path, line: list[str]) -> N
             "--seed: '-5' must be a whole number from 0 to 9007199",
         ),
         (
-            ["stage", "parameters", "ilo", "--seed", "x" * 20_000],
-            "must be a whole number from 0 to",
-        ),
-        (
-            ["stage", "robustness", "l.json", "--samples", "-3"],
-            "--samples: '-3' must be a whole number from 1",
-        ),
-        (
             ["stage", "robustness", "l.json", "--samples", "0"],
             "--samples: '0' must be a whole number from 1 to",
         ),
         (["report", "--formats", "gif"], "argument --formats: invalid choice: 'gif'"),
-        (
-            ["stage", "parameters", "ilo", "--overrides", "[" * 20_000],
-            "is nested deeper than 40 levels",
-        ),
-        (
-            ["stage", "parameters", "ilo", "--overrides", '{"a": NaN}'],
-            "a: nan must be a finite number",
-        ),
         (
             ["stage", "parameters", "ilo", "--overrides", '{"a": 1, "a": 1}'],
             "has the key 'a' twice",
@@ -185,16 +169,6 @@ def test_invalid_command_line_arguments_are_refused_by_the_parser(
     last = capsys.readouterr().err.splitlines()[-1]
     assert said in last
     assert len(last) < 1000
-    assert os.listdir(tmp_path) == []
-
-
-def test_claims_of_an_unknown_paper_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["stage", "claims", "results/nope/parameters.json"]) == 1
-    said = capsys.readouterr().err
-    assert said.startswith("reobserve-papers: results/nope/parameters.json: cannot be read")
     assert os.listdir(tmp_path) == []
 
 
