@@ -44,7 +44,6 @@ DISCRETE = "it must be the transition over one sample"
         ({"A": [[1.0, 0.1]]}, r"A: has shape \(1, 2\), must be square"),
         ({"A": 0.5}, r"A: has shape \(\), must be square"),
         ({"A": np.empty((0, 0))}, r"A: has shape \(0, 0\), must be square"),
-        ({"A": [[1.0, NAN], [0.0, 1.0]]}, r"A: \[\[1.0, nan\], .* has an entry that is not finite"),
         ({"B": [0.0, 0.1]}, r"B: has shape \(2,\), must be \(2, p\), as A is \(2, 2\)"),
         ({"B": [[0.1]]}, r"B: has shape \(1, 1\), must be \(2, p\), as A is \(2, 2\)"),
         ({"C": [[1.0]]}, r"C: has shape \(1, 1\), must be \(m, 2\), as A is \(2, 2\)"),
@@ -66,7 +65,6 @@ DISCRETE = "it must be the transition over one sample"
         ({"Q": None}, "Q: is missing: a linear model needs A, C, Q and R"),
         ({"R": None}, "R: is missing: a linear model needs A, C, Q and R"),
         ({"sampling_period": 0.0}, "sampling_period: 0 must be greater than zero"),
-        ({"R": "wide"}, "R: 'wide' is not a number or an array of numbers"),
     ],
 )
 def test_wrong_models_are_refused(changed: dict[str, Any], said: str) -> None:
@@ -168,10 +166,8 @@ def test_model_that_cannot_be_sampled_is_refused(A: Any, B: Any, period: float, 
         ({"boundary_layer": 0.0}, r"boundary_layer: \[0.0, 0.0, 0.0\] must all be greater .*"),
         ({"boundary_layer": [1, -2, 3]}, r"boundary_layer: \[1.0, -2.0, 3.0\] must all be .* zero"),
         ({"boundary_layer": [1, 2]}, r"boundary_layer: has shape \(2,\), must be a list of 3 .*"),
-        ({"boundary_layer": NAN}, "boundary_layer: nan has an entry that is not finite"),
         ({"convergence_rate": 1.0}, "convergence_rate: 1 must be from 0 to below 1"),
         ({"convergence_rate": -0.1}, "convergence_rate: -0.1 must be from 0 to below 1"),
-        ({"convergence_rate": NAN}, "convergence_rate: nan has an entry that is not finite"),
         (
             {"convergence_rate": [0.1]},
             r"convergence_rate: \[0.1\] must be one number, not an array of shape \(1,\)",
@@ -282,7 +278,6 @@ def test_missing_state_and_state_of_another_filter_are_refused() -> None:
         ([[0.9, 0.1], [0.0, 0.0]], r"\[1\]: \[0.0, 0.0\] must be 0 or more and sum to 1, not 0"),
         ([[1.0]], r": has shape \(1, 1\), must be \(2, 2\)"),
         (0.95, r": has shape \(\), must be \(2, 2\)"),
-        ([[NAN, 1.0], [0.0, 1.0]], r": \[\[nan, 1.0\], .* has an entry that is not finite"),
     ],
 )
 def test_wrong_transitions_are_refused(transition: Any, said: str) -> None:

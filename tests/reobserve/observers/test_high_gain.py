@@ -387,10 +387,6 @@ def test_wrong_states_are_refused() -> None:
             lambda: high_gain_over_time(2, 1.0, 1.0, [[1.0]]),
             r"times: has shape \(1, 1\), must be a list of times",
         ),
-        (
-            lambda: high_gain_over_time(2, 1.0, 1.0, [float("nan")]),
-            r"times: \[nan\] has an entry that is not finite",
-        ),
     ],
 )
 def test_wrong_parameters_of_the_gains_are_refused(call: Any, said: str) -> None:

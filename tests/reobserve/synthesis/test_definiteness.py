@@ -194,9 +194,7 @@ def test_precision_of_the_caller_is_unchanged() -> None:
         (arb_mat(0, 0), r"matrix: has shape \(0, 0\), must be square"),
         (arb_mat([[arb.nan()]]), "matrix: has an entry that is not finite, or beyond .*"),
         (arb_mat([[arb("-1e400")]]), "matrix: has an entry that is not finite, or beyond .*"),
-        ([[float("nan")]], r"values: \[\[nan\]\] has an entry that is not finite"),
         ([-1.0, -2.0], r"values: has shape \(2,\), must be \(rows, columns\)"),
-        ([["a"]], "values: .* is not a number or an array of numbers"),
     ],
 )
 def test_wrong_matrices_are_refused(matrix: Any, said: str) -> None:

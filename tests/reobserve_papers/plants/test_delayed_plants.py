@@ -382,7 +382,6 @@ def test_delayed_time_running_backwards_over_a_jump_is_refused() -> None:
     [
         ({"initial_state": [0.0]}, r"^initial_state: has shape \(1,\), must be a list of 2 "),
         ({"initial_state": 0.0}, r"^initial_state: has shape \(\), must be a list of 2 numbers$"),
-        ({"initial_state": [0.0, np.nan]}, r"^initial_state: .* has an entry that is not finite$"),
         ({"step": 0.0}, r"^step: 0 must be greater than zero$"),
         ({"step": -0.1}, r"^step: -0.1 must be greater than zero$"),
         ({"steps": 0}, r"^steps: 0 must be a whole number, from 1 to 10000000$"),
