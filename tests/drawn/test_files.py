@@ -112,9 +112,8 @@ def estimated_record(name: str) -> Reader:
 
 
 def streamed_record(name: str) -> Reader:
-    def read() -> None:
-        command("estimate", "s.yaml", "--stream", stdin=Path("in.csv").read_bytes())
-
+    line = ("estimate", "s.yaml", "--stream")
+    read = lambda: command(*line, stdin=Path("in.csv").read_bytes())  # noqa: E731
     return replace(estimated_record(name), call=read)
 
 
