@@ -45,8 +45,6 @@ class Dates:
 
     Parameters
     ----------
-    titles
-        Of the columns whose cells make a date, with a blank between them.
     format
         As strptime reads it, or nothing for ISO 8601.
     zone
@@ -59,7 +57,6 @@ class Dates:
         True once a date without an offset was read as one of UTC, though nobody stated it.
     """
 
-    titles: tuple[str, ...]
     format: str = ""
     zone: str = ""
     period: float = 0.0
@@ -149,7 +146,8 @@ class Dates:
 class Clock:
     """The columns of timestamps, by their ``titles``: ``dates``, or numbers with a conversion.
 
-    If time has ``elapsed``, the numbers are those of seconds in durations.
+    The cells of several columns make a date, with a blank between them. If time has ``elapsed``,
+    the numbers are those of seconds in durations.
     """
 
     titles: tuple[str, ...]

@@ -30,14 +30,8 @@ _FORWARD = (
 )  # fmt: skip
 
 
-def nanoseconds(text: str, form: str = "") -> int:
-    """Nanoseconds since 1970 of a date by ISO 8601 or a format, of UTC without an offset."""
-    instant = moment(text, form)
-    return since_1970(instant if instant.tzinfo is not None else instant.replace(tzinfo=UTC))
-
-
 def moment(text: str, form: str) -> datetime:
-    """The moment of a date (raises as `nanoseconds`)."""
+    """The moment of a date by ISO 8601 or a format (raises ValueError if it is none)."""
     if form:
         return datetime.strptime(text, form)
     if not looks_dated(text):

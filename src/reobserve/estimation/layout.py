@@ -238,7 +238,7 @@ def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -
     ]
     titles, units = tuple(title for title, _ in columns), [unit for _, unit in columns]
     if ISO in units and not elapsed:
-        return Clock(titles, SAME, Dates(titles, time.format, time.zone, period, time.day))
+        return Clock(titles, SAME, Dates(time.format, time.zone, period, time.day))
     for key, is_set in (("column", len(titles) > 1), ("zone", time.zone)):
         if is_set:
             problem = "several columns are" if key == "column" else f"{time.zone} is"

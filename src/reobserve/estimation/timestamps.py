@@ -12,11 +12,9 @@ from reobserve.core.errors import InputError
 from reobserve.estimation.clock import Dates
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import SECOND, of_nanoseconds, skipping_zone
-from reobserve.estimation.refusals import PolicyError, RowError
-from reobserve.estimation.sampling_grid import RESAMPLING, UnevenError, least_jitter, placed
+from reobserve.estimation.refusals import RowError
+from reobserve.estimation.sampling_grid import RESAMPLING, UnevenError, placed
 from reobserve.estimation.specification import Sampling
-
-__all__ = ["Timestamps", "UnevenError", "least_jitter"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -66,6 +64,11 @@ class Timestamps:
     def _bridged(self) -> int:
         """The number of slots of a gap that are worth having."""
         return int(min(self.sampling.longest / self.sampling.period, MOST_SLOTS)) + 2
+
+    @property
+    def _most(self) -> float:
+        """The number of slots of a gap that are given."""
+        return np.inf if self.sampling.at_gap == "coast" else float(self._bridged)
 
     def read(self, time: Array, values: Array) -> tuple[Array, Array, Array]:
         """The rows to use, their timestamps first, and the times of the slots up to the last."""
@@ -189,8 +192,7 @@ class Timestamps:
 
     def _filled(self, steps: Array) -> Array:
         """The slots between rows that policies may fill."""
-        most = np.inf if self.sampling.at_gap == "coast" else float(self._bridged)
-        slots: Array = np.clip(np.floor(steps / self.sampling.period - 0.5), 0.0, most)
+        slots: Array = np.clip(np.floor(steps / self.sampling.period - 0.5), 0.0, self._most)
         return slots
 
     def _check_filled(self, steps: Array) -> None:
@@ -370,37 +372,16 @@ class Timestamps:
             placed(time[rest], self.grid, period, self.jitter, False, passed[rest])
         report.jitter = max(report.jitter, used)
         passed = passed[len(time) - len(steps) :]
-        self._count(passed)
-        if not (passed > 1.0).any():
-            return time
+        report.intervals += len(passed)
+        report.lost += int(passed.sum()) - len(passed)
         starts = time if report.last is None else np.concatenate([[report.last], time])
         first = len(time) - len(steps)  # the row that the first step leads to
         parts, done = [], 0
         for k in np.flatnonzero(passed > 1.0).tolist():
-            if self._is_too_long(passed[k], starts[k]):
-                return time
-            inside = np.arange(1, min(passed[k], self._most(passed[k])))
+            inside = np.arange(1, min(passed[k], self._most))
             parts += [time[done : k + first], starts[k] + steps[k] * (inside / passed[k])]
             done = k + first
-        parts.append(time[done:])
-        return np.concatenate(parts)
-
-    def _count(self, passed: Array) -> None:
-        self.report.intervals += len(passed)
-        self.report.lost += int(passed.sum()) - len(passed)
-
-    def _most(self, count: float) -> float:
-        return count if self.sampling.at_gap == "coast" else float(self._bridged)
-
-    def _is_too_long(self, count: float, start: float) -> bool:
-        """Refuse to coast over a gap of very many periods."""
-        if self.sampling.at_gap == "coast" and count > MOST_SLOTS:
-            slots = f"{count:.0f} sampling periods, no more than {MOST_SLOTS} are coasted over"
-            problem = f"the gap after {self.report.said(start)} is of {slots}"
-            error = PolicyError(self.place, problem, "sampling.at_gap")
-            self.report.refusals.refuse(("sampling.gap",), error, self.report.refusals.at(start)[0])
-            self.on_grid = False
-        return not self.on_grid
+        return np.concatenate([*parts, time[done:]])
 
     def _regular(self, time: Array, steps: Array) -> Array:
         """The times t0 + k T up to the last timestamp."""
@@ -419,10 +400,7 @@ class Timestamps:
             end = float(known[at])
             parts.append(_times(origin, period, before, end))
             if at < len(known) - 1:
-                count = float(known[at + 1] - end) / period
-                if self._is_too_long(count, end):
-                    return time
-                reach = min(float(known[at + 1]), end + self._most(count) * period)
+                reach = min(float(known[at + 1]), end + self._most * period)
                 parts.append(_times(origin, period, end, reach, False))
                 before = float(known[at + 1]) - 2.0 * _ROUNDING * period
         return _snapped(np.concatenate(parts), known, _ROUNDING * period)

@@ -14,7 +14,7 @@ import pytest
 
 from reobserve.detection.restarted_cusum import restarted_cusum
 from reobserve.estimation.families import linear_system
-from reobserve.estimation.timestamps import least_jitter
+from reobserve.estimation.sampling_grid import least_jitter
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.observers.smoother import rts_smoother

@@ -41,7 +41,7 @@ def check(texts: list[str], form: str = "", zone: str = "", at_once: bool | None
 
     With ``at_once`` it must give something, or nothing if that is False.
     """
-    ways = [(Dates(("t",), form, zone, 0.01), DataReport(period=0.01)) for _ in range(2)]
+    ways = [(Dates(form, zone, 0.01), DataReport(period=0.01)) for _ in range(2)]
     slow = one_by_one(texts, *ways[0])
     column = pa.chunked_array([texts])
     fast = date_columns.read([column], ways[1][0], NOTHING, ways[1][1])
@@ -88,7 +88,7 @@ def test_what_is_not_certain_is_left_to_the_slow_way(texts: list[str]) -> None:
 
 def test_stated_texts_that_mean_nothing_are_no_dates() -> None:
     texts = pa.chunked_array([["2026-03-02T14:05:00Z", "1970-01-01T00:00:00Z"]])
-    dates = Dates(("t",))
+    dates = Dates()
     assert (
         date_columns.read([texts], dates, [*NOTHING, "1970-01-01T00:00:00Z"], DataReport()) is None
     )
@@ -151,7 +151,7 @@ def test_texts_in_another_form_are_left_to_the_slow_way(text: str) -> None:
 def test_two_columns_are_joined() -> None:
     columns = [pa.array(["2026-03-02", "2026-03-02"]), pa.array(["14:05:00.25", "14:05:00.75"])]
     report = DataReport()
-    found = date_columns.read(columns, Dates(("day", "time")), NOTHING, report)
+    found = date_columns.read(columns, Dates(), NOTHING, report)
     assert found is not None
     assert found.tolist() == [0.25, 0.75]
     assert report.origin == 1_772_460_300
@@ -168,7 +168,7 @@ def test_local_times_that_occur_twice_are_left_to_the_order_of_rows(tmp_path: Pa
     check(moments[:90], "", "Europe/Berlin")
     record = tmp_path / "r.csv"
     record.write_text("t,y\n" + "".join(f"{moment},1.5\n" for moment in moments))
-    clock = Clock(("t",), SAME, Dates(("t",), "", "Europe/Berlin", 60.0))
+    clock = Clock(("t",), SAME, Dates("", "Europe/Berlin", 60.0))
     for block in (500, 4000, 10**6):
         report = DataReport(period=60.0)
         parts = File(record, block=block).blocks(["t", "y"], clock, report)
@@ -181,7 +181,7 @@ def test_skipped_local_times_are_refused(tmp_path: Path) -> None:
     check(["2026-03-29T01:59:00", "2026-03-29T02:10:00"], "", "Europe/Berlin", at_once=False)
     table = pa.table({"t": pa.array([datetime(2026, 10, 25, 1, 30)] * 2), "y": [1.0, 2.0]})
     parquet.write_table(table, tmp_path / "r.parquet")
-    clock = Clock(("t",), SAME, Dates(("t",), "", "Europe/Berlin", 60.0))
+    clock = Clock(("t",), SAME, Dates("", "Europe/Berlin", 60.0))
     report = DataReport()
     (rows,) = File(tmp_path / "r.parquet").blocks(["t", "y"], clock, report)
     assert rows[:, 0].tolist() == [0.0, 0.0]
@@ -201,7 +201,7 @@ def test_dates_and_times_of_day_of_a_parquet_file_are_joined(
     clocks = pa.array(CLOCKS).cast(pa.time32(unit) if unit == "ms" else pa.time64(unit))
     table = pa.table({"d": days, "t": clocks, "y": np.zeros(len(NIGHT))})
     parquet.write_table(table, tmp_path / "r.parquet")
-    clock, report = Clock(("d", "t"), SAME, Dates(("d", "t"), "", "UTC", 0.25)), DataReport()
+    clock, report = Clock(("d", "t"), SAME, Dates("", "UTC", 0.25)), DataReport()
     (rows,) = File(tmp_path / "r.parquet").blocks(["d", "y"], clock, report)
     assert rows[:, 0].tolist() == [0.25 * k for k in range(len(NIGHT))]
     assert report.origin == 1_772_495_998
@@ -210,7 +210,7 @@ def test_dates_and_times_of_day_of_a_parquet_file_are_joined(
 def test_times_of_day_of_a_parquet_file_go_on_after_midnight(tmp_path: Path) -> None:
     table = pa.table({"t": pa.array(CLOCKS), "y": np.zeros(len(NIGHT))})
     parquet.write_table(table, tmp_path / "r.parquet")
-    dates = Dates(("t",), "%H:%M:%S.%f", "UTC", 0.25, "2026-03-02")
+    dates = Dates("%H:%M:%S.%f", "UTC", 0.25, "2026-03-02")
     (rows,) = File(tmp_path / "r.parquet").blocks(
         ["t", "y"], Clock(("t",), SAME, dates), DataReport()
     )

@@ -13,7 +13,8 @@ from reobserve.core.errors import InputError
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate_command import estimate_file
 from reobserve.estimation.families.examples import simulated
-from reobserve.estimation.timestamps import Timestamps, UnevenError, least_jitter
+from reobserve.estimation.sampling_grid import UnevenError, least_jitter
+from reobserve.estimation.timestamps import Timestamps
 from tests.reobserve.estimation.records import record_at, specification, write_record
 
 Array = NDArray[np.float64]
