@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,20 +34,14 @@ class AllInputs:
 
 def inputs(columns: Columns, design: Design) -> AllInputs:
     """The inputs of a design, with constants in its units."""
-    units = fixed_units(design.inputs)
-    values = []
+    values, units = [], [unit for _, unit in design.inputs]
     for k, column in enumerate(columns.inputs):
         if not isinstance(column, Constant):
             values.append(np.nan)
             continue
-        unit = units[k] if k < len(units) else ""
+        unit = units[k] if k < len(units) and all(units) else ""
         at = f"columns.inputs.{k}.unit"
         way = conversion(at, column.unit, unit) if column.unit and unit else None
         value = column.value if way is None else float(way.of(column.value))
         values.append(as_scalar(f"columns.inputs.{k}.value", value))
     return AllInputs(tuple(values))
-
-
-def fixed_units(signals: Sequence[tuple[str, str]]) -> list[str]:
-    """The units of signals, if all have one."""
-    return [unit for _, unit in signals] if all(unit for _, unit in signals) else []

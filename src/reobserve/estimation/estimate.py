@@ -100,7 +100,7 @@ class Estimation:
             tuple(zip(self.layout.names, self.layout.units, strict=True))[timed:],
         )  # fmt: skip
         width, names = self.layout.measurements, self.layout.names[timed:]
-        holds = self.layout.holds[timed:]
+        holds = tuple(column.missing == "hold" for column in self.layout.columns[timed:])
         every = self.design.holds_inputs  # input, and not only those whose cells are empty
         held = tuple(c >= width and (every or hold) for c, hold in enumerate(holds))
         self.interpolation = _interpolation(specification, held)

@@ -189,7 +189,8 @@ def estimated(estimation: Estimation, file: File, tell: Tell | None = None) -> I
     if refusals.found:
         raise refusals.error(file.lines_at, estimation.can_skip, file.word)
     if not estimation.report.estimates:
-        empty = [name for name in estimation.layout.held if name not in estimation.report.levels]
+        held = [one.column for one in estimation.layout.columns if one.missing == "hold"]
+        empty = [name for name in held if name not in estimation.report.levels]
         hint = f"; {', '.join(empty)} never has a value" if empty else ""
         raise InputError(str(file.path), f"has no row from which the observer could start{hint}")
     for sentence in diagnostics(estimation, first_rows):

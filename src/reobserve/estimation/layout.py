@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,27 +35,27 @@ _STROKE = re.compile(r"([^/]*[^\s/])\s*/\s*([^\s/].*)")
 class Layout:
     """The columns to read, time first if there is one, then y, then u.
 
-    ``titles`` are those of the header, ``names`` without units. ``units`` are those that the
-    observer reads, in which ranges are meant no more: these are in the file's. Of timestamps, the
-    cells are times by the ``clock``, less what these count from.
+    ``titles`` are those of the header. ``units`` are those that the observer reads, while ranges
+    and periods are in the file's. Of timestamps, the cells are times by the ``clock``, less what
+    these count from.
     """
 
     titles: tuple[str, ...]
-    names: tuple[str, ...]
+    columns: tuple[Column, ...]
     conversions: tuple[Conversion, ...]
     units: tuple[str, ...]
-    ranges: tuple[tuple[float, float] | None, ...]
-    lost_at_range: tuple[bool, ...]
-    timed: bool
     measurements: int
-    clock: Clock | None = None
-    periods: tuple[float, ...] = ()  # of angles, in the observer's units, zero for others
-    holds: tuple[bool, ...] = ()  # where an empty cell stands for the value before it
+    clock: Clock | None
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The names of the columns, without units."""
+        return tuple(column.column for column in self.columns)
 
     @property
-    def held(self) -> tuple[str, ...]:
-        """The names of columns whose last value holds in empty cells."""
-        return tuple(name for name, hold in zip(self.names, self.holds, strict=True) if hold)
+    def timed(self) -> bool:
+        """True if there are timestamps."""
+        return self.clock is not None
 
     @property
     def dated(self) -> bool:
@@ -63,9 +64,8 @@ class Layout:
 
     def _check_counter(self, raw: Array, report: DataReport) -> None:
         """Refuse rows whose counter is not below the number at which it begins again."""
-        if self.clock is None or not self.periods[0]:
+        if self.clock is None or (wrap := self.columns[0].wrap) is None:
             return
-        wrap = self.periods[0] / abs(self.conversions[0].factor)
         numbers = raw[:, 0] + self.clock.epoch(report)
         beyond = np.flatnonzero((numbers < 0.0) | (numbers >= wrap))
         if len(beyond):
@@ -109,21 +109,22 @@ class Layout:
 
     def fill(self, values: Array, report: DataReport) -> None:
         """Put the last value into empty cells of columns that hold it, and count the others."""
-        for c, name in enumerate(self.names[self.timed :]):
-            if self.holds and self.holds[c + self.timed]:
-                values[:, c] = _held(values[:, c], report, name)
-            report.count(report.missing, name, np.isnan(values[:, c]).sum())
+        for c, column in enumerate(self.columns[self.timed :]):
+            if column.missing == "hold":
+                values[:, c] = _held(values[:, c], report, column.column)
+            report.count(report.missing, column.column, np.isnan(values[:, c]).sum())
 
     def _column(self, cells: Array, c: int, report: DataReport) -> Array:
-        limits = self.ranges[c]
-        if limits is not None:
-            outside = (cells <= limits[0]) | (cells >= limits[1])
-            report.count(report.saturated, self.names[c], outside.sum())
-            if self.lost_at_range[c]:
+        column, way = self.columns[c], self.conversions[c]
+        if column.range is not None:
+            outside = (cells <= column.range[0]) | (cells >= column.range[1])
+            report.count(report.saturated, column.column, outside.sum())
+            if column.saturated == "missing":
                 cells[outside] = np.nan
-        converted: Array = self.conversions[c].of(cells)
-        if self.periods and self.periods[c]:
-            return _unwrapped(converted, self.periods[c], report.angles, self.names[c])
+        converted: Array = way.of(cells)
+        if column.wrap is not None:
+            period = abs(way.factor) * column.wrap
+            return _unwrapped(converted, period, report.angles, column.column)
         return converted
 
 
@@ -163,22 +164,12 @@ def lay_out(
     if clock is not None:
         parts.insert(0, (clock.titles[0], clock.way, "s"))
         every.insert(0, Column(clock.titles[0], wrap=columns.time.wrap))
-    for title in (*(part[0] for part in parts), *(() if clock is None else clock.titles)):
+    for title in (*(part[0] for part in parts), *(clock.titles if clock else ())):
         if list(header).count(title) > 1:
             problem = f"has the column {shown(title)} twice"
             raise InputError(place, f"{problem}; file.skip and file.names may state other titles")
-    return Layout(
-        tuple(part[0] for part in parts), tuple(column.column for column in every),
-        tuple(part[1] for part in parts), tuple(part[2] for part in parts),
-        tuple(column.range for column in every),
-        tuple(column.saturated == "missing" for column in every), clock is not None,
-        len(columns.measurements), clock,
-        tuple(
-            0.0 if column.wrap is None else abs(part[1].factor) * column.wrap
-            for column, part in zip(every, parts, strict=True)
-        ),
-        tuple(column.missing == "hold" for column in every),
-    )  # fmt: skip
+    titles, ways, units = zip(*parts, strict=True)
+    return Layout(titles, tuple(every), ways, units, len(columns.measurements), clock)
 
 
 def _wanted(columns: Columns, design: Design) -> list[tuple[str, Column, str]]:
