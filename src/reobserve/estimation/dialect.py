@@ -178,70 +178,48 @@ class Head:
     left_out: dict[str, int] = field(default_factory=dict)
 
 
-class _Above:
-    """Lines above rows, counted as they are taken. ``ahead`` was read, and not taken."""
-
-    def __init__(self, lines: Iterator[str], dialect: Dialect) -> None:
-        self.lines, self.dialect = lines, dialect
-        self.read = self.comments = 0
-        self.comment = ""  # the last one
-        self.ahead: str | None = None
-
-    def peek(self) -> str | None:
-        if self.ahead is None:
-            self.ahead = next(self.lines, None)
-        return self.ahead
-
-    def take(self) -> str | None:
-        line, self.ahead = self.peek(), None
-        self.read += line is not None
-        return line
-
-    def take_row(self) -> str:
-        """The next line that is not blank, nor a comment, or "" at the end."""
-        self.pass_comments()
-        return self.take() or ""
-
-    def pass_comments(self) -> None:
-        while (line := self.peek()) is not None:
-            if self.dialect.is_comment(line):
-                self.comment, self.comments = line, self.comments + 1
-            elif not self.dialect.is_blank(line):
-                return
-            self.take()
-
-
 def read_head(lines: Iterator[str], dialect: Dialect, place: str) -> Head:
     """Read the lines above the rows of a text, which messages call ``place``."""
-    file, above = dialect.file, _Above(lines, dialect)
-    if states_delimiter(above.peek() or "", dialect.delimiter) and not file.skip:
-        above.take()
-    for _ in range(file.skip):
-        if above.take() is None:
-            problem = f"{file.skip} must be less: {place} has {above.read} lines"
+    file, titles = dialect.file, list(dialect.file.names)
+    wanted = [] if titles else ["header", *file.below_header]
+    read, comments, comment, header, first = 0, 0, "", "", None
+    while wanted or read < max(file.skip, 1):
+        line = next(lines, None)
+        if line is None and read < file.skip:
+            problem = f"{file.skip} must be less: {place} has {read} lines"
             raise InputError("file.skip", problem)
-    left_out = {_SKIPPED: file.skip} if file.skip else {}
-    if file.names:
-        return Head(list(file.names), above.read, "", above.ahead, left_out)
-    if file.header == "commented":
-        above.pass_comments()
-        if not above.comments:
-            problem = f"commented must be left out: no comment is above the rows of {place}"
-            raise InputError("file.header", problem)
-        header = above.comment.lstrip(" ")[len(file.comment) :]
-        above.comments -= 1
-    else:
-        header = above.take_row()
-    titles = _titles(header, dialect, place)
-    for kind in file.below_header:
-        line = above.take_row()
-        if kind == "units":
-            titles = _with_units(titles, dialect.cells(line))
-    if skipped := file.below_header.count("skip"):
-        left_out[_BELOW] = skipped
-    if above.comments:
-        left_out[COMMENTS] = above.comments
-    return Head(titles, above.read, header.strip(), above.ahead, left_out)
+        read += line is not None
+        text = line or ""
+        if read == 1 and states_delimiter(text, dialect.delimiter) and not file.skip:
+            continue
+        if line is not None and read <= file.skip:
+            continue
+        if not wanted:
+            first = line
+            break
+        if dialect.is_comment(text):
+            comment, comments = text, comments + 1
+        elif line is None or not dialect.is_blank(text):
+            kind = wanted.pop(0)
+            if kind == "header" and file.header == "commented":
+                if not comments:
+                    problem = f"commented must be left out: no comment is above the rows of {place}"
+                    raise InputError("file.header", problem)
+                header, comments = comment.lstrip(" ")[len(file.comment) :], comments - 1
+                titles = _titles(header, dialect, place)
+                if not wanted:
+                    first = line
+                    break
+                kind = wanted.pop(0)
+            if kind == "header":
+                header, titles = text, _titles(text, dialect, place)
+            elif kind == "units":
+                titles = _with_units(titles, dialect.cells(text))
+    left_out = {_SKIPPED: file.skip, _BELOW: file.below_header.count("skip"), COMMENTS: comments}
+    return Head(
+        titles, read - (first is not None), header.strip(), first,
+        {why: count for why, count in left_out.items() if count},
+    )  # fmt: skip
 
 
 def states_delimiter(line: str, delimiter: str) -> bool:

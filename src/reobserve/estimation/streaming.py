@@ -10,7 +10,7 @@ import codecs
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -59,26 +59,13 @@ class Stop:
         if self.waiting:
             raise _Stopped
 
-    def line(self, stream: BinaryIO, most: int = LONGEST + 1) -> bytes:
-        """The next line or what there is of it, or nothing if there is no more or to stop."""
-        if self.asked:
-            return b""
+    def wait(self, act: Callable[[Any], Any], given: Any) -> Any:
+        """What an act gives that may take long, or None if one is to stop."""
         try:
             self.waiting = True
-            return stream.readline(most)
+            return None if self.asked else act(given)
         except _Stopped:
-            return b""
-        finally:
-            self.waiting = False
-
-    def pause(self, seconds: float) -> None:
-        """Sleep, unless one is to stop."""
-        try:
-            self.waiting = True
-            if not self.asked:
-                time.sleep(seconds)
-        except _Stopped:
-            pass
+            return None
         finally:
             self.waiting = False
 
@@ -144,10 +131,10 @@ class Lines:
         begun, since = b"", time.monotonic()
         while True:
             try:
-                read = self.stop.line(self.stream)
+                read = self.stop.wait(self.stream.readline, LONGEST + 1) or b""
                 begun += read
                 if len(self._end(begun)) == 2 and len(begun) % 2:
-                    begun += self.stop.line(self.stream, 1)
+                    begun += self.stop.wait(self.stream.readline, 1) or b""
             except (OSError, ValueError) as error:
                 raise InputError(self.place, f"cannot be read ({reason(error)})") from None
             if len(begun) > LONGEST and not begun.strip(b"\0"):  # of a file made too long
@@ -181,7 +168,7 @@ class Lines:
             return False
         if late >= (_LATE if self.replaced else self.idle):
             return False
-        self.stop.pause(_POLL)
+        self.stop.wait(time.sleep, _POLL)
         return True
 
     def _is_replaced(self) -> bool:
