@@ -156,8 +156,6 @@ def lay_out(
     columns: Columns, design: Design, header: Sequence[str], place: str, period: float = 0.0
 ) -> Layout:
     """Find the columns in a header, ``name`` or ``name [unit]``, say, and settle their units."""
-    if len(header) == 1:
-        _check_delimiter(columns, header[0], place)
     wanted = _wanted(columns, design)
     parts, clock = _find(columns, wanted, header, place, period)
     every = [column for _, column, _ in wanted]
@@ -209,11 +207,9 @@ def _find(
         clock = _clock(columns.time, header, place, period)
     except InputError as error:
         problems.append(error)
+    if problems and not any(_matches(name, header) for name in _names(columns)):
+        problems = _no_header(columns, header, place, problems)
     if problems:
-        first = problems[0]
-        known = any(_matches(name, header) for name in _names(columns))
-        if not known and "did you" not in first.problem:
-            problems = [InputError(first.parameter, first.problem + _no_header(header))]
         raise problems[0] if len(problems) == 1 else ProblemsError(problems)
     return parts, clock
 
@@ -242,24 +238,6 @@ def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -
 
 def _names(columns: Columns) -> set[str]:
     return {*columns.time.columns, *(column.column for column in columns.read)} - {""}
-
-
-def _check_delimiter(columns: Columns, title: str, place: str) -> None:
-    """Refuse a header of one title in which another delimiter finds columns, or numbers."""
-    names, others = _names(columns), []
-    for mark in (",", ";", "\t", "|", "whitespace"):
-        cells = [cell.strip() for cell in title.split(None if mark == "whitespace" else mark)]
-        if len(cells) > 1 and (any(_matches(name, cells) for name in names) or _numbers(cells)):
-            others.append(mark)
-    if "\t" in others:
-        others = [other for other in others if other != "whitespace"]
-    known = any(_matches(name, [title]) for name in names)
-    if others and not known and columns.delimiter not in others:
-        raise InputError(
-            "columns.delimiter",
-            f"{shown(columns.delimiter)} is not in the header of {place}, {shown(title)}; it may "
-            f"be {' or '.join(map(repr, others))}",
-        )
 
 
 def split_title(title: str) -> tuple[str, str]:
@@ -320,19 +298,31 @@ def _numbers(cells: Sequence[str]) -> bool:
     return all(looks_dated(cell) or _NUMBER.fullmatch(cell) for cell in filter(None, cells))
 
 
-def _no_header(header: Sequence[str]) -> str:
-    """The end of a sentence on a header that does not look like one."""
+def _no_header(
+    columns: Columns, header: Sequence[str], place: str, problems: list[InputError]
+) -> list[InputError]:
+    """What is wrong with a header that has none of the columns, and the keys that may find them."""
+    for mark in ";\t|," + " " * (len(header) == 1):
+        cells = [cell.strip() for title in header for cell in title.split(mark)]
+        found = any(_matches(name, cells) for name in _names(columns)) or _numbers(cells)
+        if found and len(cells) > len(header):
+            return [InputError(
+                "columns.delimiter",
+                f"{shown(columns.delimiter)} finds no column in the header of {place}, which "
+                f"begins with {shown(header[0])}; it may be {'whitespace' if mark == ' ' else mark!r}",
+            )]  # fmt: skip
+    first = problems[0]
+    if "did you" in first.problem:
+        return problems
+    hint = "; if the header is further down, file.skip leaves out the lines above it"
     if header[0].startswith(SIGNS):
-        return (
+        hint = (
             "; file.skip or file.comment leaves out lines above the header, and file.header: "
             "commented takes the last comment for it"
         )
-    others = [mark for mark in ";\t|" if any(mark in title for title in header)]
-    if others:
-        return f"; columns.delimiter may be {' or '.join(map(repr, others))}"
-    if _numbers(header):
-        return "; if the record has no header, file.names states the columns"
-    return "; if the header is further down, file.skip leaves out the lines above it"
+    elif _numbers(header):
+        hint = "; if the record has no header, file.names states the columns"
+    return [InputError(first.parameter, first.problem + hint)]
 
 
 def find_column(
