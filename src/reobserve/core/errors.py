@@ -92,12 +92,12 @@ class DivergenceError(ReobserveError, ArithmeticError):
 
 
 @contextmanager
-def located(place: str) -> Iterator[None]:
-    """Put the config key ``place`` before the parameter that an `InputError` inside names."""
+def located(place: str, mark: str = ".") -> Iterator[None]:
+    """Put a key, or a file and its mark, before the parameter that an `InputError` inside names."""
     try:
         yield
     except InputError as error:
-        key = f"{place}.{error.parameter}" if error.parameter else place
+        key = f"{place}{mark}{error.parameter}" if error.parameter else place
         raise error.renamed(key) from None
     except DivergenceError as error:
         raise DivergenceError(f"{place} ({error.what})", error.time, error.finding) from None

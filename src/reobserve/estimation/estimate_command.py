@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import io
 import json
 import sys
@@ -13,6 +12,8 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.files import check_not_read, check_replaceable, write_text
@@ -216,7 +217,9 @@ def estimate_stream(
     digits: int | None = None,
 ) -> None:
     """Estimates of lines as they come, one flushed line each, on standard output."""
-    _check_not_smoothed(specification)
+    if specification.smooth:
+        problem = "true is for whole records, as each estimate takes the rows after it, too; with "
+        raise InputError("smooth", f"{problem}--stream and --follow it must be false")
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(encoding="utf-8")  # as in files
     place = "standard input" if data is None else str(data)
@@ -280,12 +283,6 @@ def _read(coming: Iterator[str], lines: Lines, rows: RowByRow) -> None:
         coming = rows.go_on(iter(lines))
 
 
-def _check_not_smoothed(specification: Specification) -> None:
-    if specification.smooth:
-        problem = "true is for whole records, as each estimate takes the rows after it, too; with "
-        raise InputError("smooth", f"{problem}--stream and --follow it must be false")
-
-
 def _put(lines: str) -> None:
     if lines:
         print(lines, end="", flush=True)
@@ -316,13 +313,9 @@ def write_example(name: str, out: Path | None, record: Path | None) -> None:
         if path is not None and path.exists():
             raise InputError(str(path), "is there already, and is not replaced")
     if record is not None:
-        columns = simulated(name).record()
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
-        cells = zip(*(values.tolist() for values in columns.values()), strict=True)
-        writer.writerows([f"{value:.9g}" for value in row] for row in cells)
-        write_text(record, stream.getvalue())
+        columns, stream = simulated(name).record(), io.StringIO()
+        np.savetxt(stream, np.column_stack([*columns.values()]), "%.9g", ",")
+        write_text(record, header([*columns]) + stream.getvalue())
     if out is None:
         print(text, end="")
     else:

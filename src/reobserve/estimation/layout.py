@@ -305,11 +305,12 @@ def _no_header(
     for mark in ";\t|," + " " * (len(header) == 1):
         cells = [cell.strip() for title in header for cell in title.split(mark)]
         found = any(_matches(name, cells) for name in _names(columns)) or _numbers(cells)
+        wanted = "whitespace" if mark == " " else mark
         if found and len(cells) > len(header):
             return [InputError(
                 "columns.delimiter",
                 f"{shown(columns.delimiter)} finds no column in the header of {place}, which "
-                f"begins with {shown(header[0])}; it may be {'whitespace' if mark == ' ' else mark!r}",
+                f"begins with {shown(header[0])}; it may be {wanted!r}",
             )]  # fmt: skip
     first = problems[0]
     if "did you" in first.problem:

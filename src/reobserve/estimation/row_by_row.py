@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping
-from itertools import chain, islice
+from itertools import islice, tee
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,27 +147,21 @@ class RowByRow:
 
     def go_on(self, lines: Iterator[str]) -> Iterator[str]:
         """The rows of a file that continues another one, with or without the same header."""
-        rows, taken, place = self.rows, list[str](), self.estimation.place
-        rows.line = 0
-
-        def copied() -> Iterator[str]:
-            for line in lines:
-                taken.append(line)
-                yield line
-
+        rows, place = self.rows, self.estimation.place
+        rows.line, (ahead, lines) = 0, tee(lines)
         try:
-            head = read_head(copied(), rows.dialect, place)
+            head = read_head(ahead, rows.dialect, place)
         except InputError:
-            if any(map(str.strip, taken)):
+            if any(map(str.strip, lines)):
                 raise
             return iter(())
         if head.titles == rows.head.titles:
             rows.line = head.lines
-            return lines if head.first is None else chain([head.first], lines)
+            return islice(lines, head.lines, None)
         if set(head.titles) & set(rows.titles):
             was, now = (shown(",".join(each.titles)) for each in (rows.head, head))
             raise InputError(place, f"goes on with the header {now}, must have that before, {was}")
-        return chain(taken, lines)
+        return lines
 
     def settle(self) -> None:
         """Hand what the short way has seen to the policies, before any of them is asked."""

@@ -388,8 +388,5 @@ def read_specification(path: str | Path) -> Specification:
         With the file and the dotted key of what is missing, unknown or wrong.
     """
     tree = read_yaml(path)
-    try:
+    with located(str(path), ": "):
         return as_specification(tree)
-    except InputError as error:
-        place = f"{path}: {error.parameter}" if error.parameter else str(path)
-        raise error.renamed(place) from None

@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from reobserve.core.documents import parse_json
-from reobserve.core.errors import InputError, shown
+from reobserve.core.errors import InputError, located, shown
 from reobserve.core.files import read_text, write_text
 from reobserve.core.matrices import as_numbers
 from reobserve.core.validation import parse, within
@@ -67,11 +67,8 @@ def load_state(path: Path, estimation: Estimation, digest: str) -> tuple[int | N
         The offset that was saved, and the digest of the line before it.
     """
     tree = parse_json(read_text(path), str(path), _VALUES)
-    try:
+    with located(str(path), ": "):
         return _load(tree, estimation, digest)
-    except InputError as error:
-        place = f"{path}: {error.parameter}" if error.parameter else str(path)
-        raise error.renamed(place) from None
 
 
 def _load(tree: Any, estimation: Estimation, digest: str) -> tuple[int | None, str]:
