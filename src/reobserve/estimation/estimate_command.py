@@ -182,7 +182,9 @@ def estimated(estimation: Estimation, file: File, tell: Tell | None = None) -> I
     first_rows, refusals = FirstRows(), estimation.report.refusals
     estimation.first_rows, refusals.survey = first_rows, partial(_over_all, estimation, file)
     try:
-        for block in _estimated(estimation, file, tell):
+        layout, report = estimation.layout, estimation.report
+        for raw in chain(file.blocks(layout.titles, layout.clock, report, tell), [None]):
+            block = estimation.finish() if raw is None else estimation.feed(raw)
             if not refusals.found:
                 yield block
     except InputError as error:  # after which nothing can be read
@@ -196,13 +198,6 @@ def estimated(estimation: Estimation, file: File, tell: Tell | None = None) -> I
         raise InputError(str(file.path), f"has no row from which the observer could start{hint}")
     for sentence in diagnostics(estimation, first_rows):
         estimation.report.warn(sentence)
-
-
-def _estimated(estimation: Estimation, file: File, tell: Tell | None) -> Iterator[Estimated]:
-    layout, report = estimation.layout, estimation.report
-    for raw in file.blocks(layout.titles, layout.clock, report, tell):
-        yield estimation.feed(raw)
-    yield estimation.finish()
 
 
 def estimate_stream(

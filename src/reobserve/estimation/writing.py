@@ -150,34 +150,34 @@ def write_results(
 
     Times are those of the ``report``, numbers in text have as many ``digits`` as `line` writes.
     """
-    if path.suffix == ".parquet":
-        write_whole(path, lambda partial: _parquet(partial, titles, blocks, about, report))
-    else:
-        gzipped = path.suffix == ".gz"
-        write_whole(path, lambda partial: _csv(partial, gzipped, titles, blocks, report, digits))
 
+    def csv(partial: Path) -> None:
+        with ExitStack() as open_files:
+            stream: Any = open_files.enter_context(partial.open("wb"))
+            if path.suffix == ".gz":  # without a name and a time: the same rows are the same file
+                stream = open_files.enter_context(
+                    gzip.GzipFile(filename="", fileobj=stream, mode="wb", mtime=0)
+                )
+            stream.write(header(titles).encode())
+            for block in blocks:
+                for begin in range(0, len(block.time), _AT_ONCE):
+                    rows = Estimated(*(part[begin : begin + _AT_ONCE] for part in block))
+                    stream.write(text(rows, report, digits).encode())
 
-def _csv(
-    partial: Path,
-    gzipped: bool,
-    titles: Sequence[str],
-    blocks: Iterator[Estimated],
-    report: DataReport,
-    digits: int | None,
-) -> None:
-    with ExitStack() as open_files:
-        stream: Any = open_files.enter_context(partial.open("wb"))
-        if gzipped:  # without a name and a time, so that the same rows are the same file
-            stream = open_files.enter_context(
-                gzip.GzipFile(filename="", fileobj=stream, mode="wb", mtime=0)
-            )
-        stream.write(header(titles).encode())
-        for block in blocks:
-            for begin in range(0, len(block.time), _AT_ONCE):
-                time, numbers, alarms, status = block
-                part = slice(begin, begin + _AT_ONCE)
-                rows = Estimated(time[part], numbers[part], alarms[part], status[part])
-                stream.write(text(rows, report, digits).encode())
+    def parquet(partial: Path) -> None:
+        package("pyarrow", "write Parquet files")
+        from pyarrow.parquet import ParquetWriter
+
+        with ExitStack() as open_files:
+            writer: Any = None
+            for block in blocks:
+                table = as_columns(block, titles, report)
+                if writer is None:  # as the first rows say what times are
+                    writer = open_files.enter_context(ParquetWriter(partial, table.schema))
+                writer.write_table(table)
+            writer.add_key_value_metadata({KEY: json.dumps(about()).encode()})
+
+    write_whole(path, parquet if path.suffix == ".parquet" else csv)
 
 
 def as_times(times: Array, report: DataReport) -> Any:
@@ -201,23 +201,3 @@ def as_columns(block: Estimated, titles: Sequence[str], report: DataReport) -> A
     status = pa.array(STATUSES, pa.string()).take(pa.array(block.status))
     cells = [pa.array(column, pa.float64(), from_pandas=True) for column in numbers.T]
     return pa.table([as_times(block.time, report), *cells, status], list(titles))
-
-
-def _parquet(
-    partial: Path,
-    titles: Sequence[str],
-    blocks: Iterator[Estimated],
-    about: Any,
-    report: DataReport,
-) -> None:
-    package("pyarrow", "write Parquet files")
-    import pyarrow.parquet as parquet
-
-    with ExitStack() as open_files:
-        writer: Any = None
-        for block in blocks:
-            table = as_columns(block, titles, report)
-            if writer is None:  # as the first rows say what times are
-                writer = open_files.enter_context(parquet.ParquetWriter(partial, table.schema))
-            writer.write_table(table)
-        writer.add_key_value_metadata({KEY: json.dumps(about()).encode()})
