@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import os
 import sys
 from collections import deque
 from collections.abc import Iterator
@@ -223,22 +224,23 @@ def estimate_stream(
         Estimation(specification, _expected(specification), place)
         print("reobserve: ready", file=sys.stderr, flush=True)
     stop, dialect = Stop(), Dialect.of(specification)
-    stream: Any = sys.stdin.buffer if data is None else open_file(data, 0)
+    stream: Any = sys.stdin.buffer if data is None else open_file(data)
     lines = Lines(stream, stop, place, 0.0 if data is None else idle, dialect, data)
     with stop.listening(), contextlib.closing(lines) if data else contextlib.nullcontext():
         coming = iter(lines)
         head = read_head(coming, dialect, place)
-        if head.first is not None:
-            coming = chain([head.first], coming)
+        ahead = [] if head.first is None else [head.first]
         estimation = Estimation(specification, head.titles, place)
         rows = RowByRow(estimation, head, digits)
         if resumed and state is not None:
             offset, line = state_file.load_state(state, estimation, digest)
             if data is not None and offset is not None:
-                coming = _resumed(lines, rows, offset, line, data)
+                rows.rows.line += len(ahead)
+                ahead.clear()
+                _pass_over(coming, lines, rows, offset, line)
         else:
             _put(header(estimation.titles))
-        _read(coming, lines, rows)
+        _read(chain(ahead, coming), lines, rows)
         if state is not None:
             rows.settle()
             offset = None if data is None else lines.offset
@@ -251,18 +253,18 @@ def estimate_stream(
     print(as_table(estimation.report, specification.sampling.period), file=sys.stderr)
 
 
-def _resumed(lines: Lines, rows: RowByRow, offset: int, line: str, data: Path) -> Iterator[str]:
-    """The lines after a byte of a file, if the one before it is that of a digest."""
-    lines.reopen(open_file(data, offset))
-    rows.rows.line = lines.pass_over(offset)
-    if line and state_file.digest_of(lines.last) != line:
+def _pass_over(coming: Iterator[str], lines: Lines, rows: RowByRow, offset: int, line: str) -> None:
+    """Pass over the lines before a byte of a file, if the last of them is that of a digest."""
+    short = os.fstat(lines.stream.fileno()).st_size < offset
+    while not short and lines.offset < offset and next(coming, None) is not None:
+        rows.rows.line += 1
+    if short or (line and state_file.digest_of(lines.last) != line):
         problem = (
-            f"was replaced, as another line is before byte {offset} than was read; remove the "
-            "state file to restart, or give the header and the rest of the old file to --stream "
-            "first"
+            f"was replaced, as less or another line is before byte {offset} than was read; remove "
+            "the state file to restart, or give the header and the rest of the old file to "
+            "--stream first"
         )
-        raise InputError(str(data), problem)
-    return iter(lines)
+        raise InputError(lines.place, problem)
 
 
 def _read(coming: Iterator[str], lines: Lines, rows: RowByRow) -> None:
@@ -274,7 +276,7 @@ def _read(coming: Iterator[str], lines: Lines, rows: RowByRow) -> None:
             return rows.rows.finish()
         rows.cut_off(lines.rest, lines.replaced)
         print(f"reobserve: {lines.place} was {lines.replaced}", file=sys.stderr, flush=True)
-        lines.reopen(open_file(lines.path, 0))
+        lines.reopen(open_file(lines.path))
         coming = rows.go_on(iter(lines))
 
 

@@ -114,19 +114,6 @@ class Lines:
         """Close the file."""
         self.stream.close()
 
-    def pass_over(self, offset: int) -> int:
-        """Go on at a byte of the stream, and return the number of lines before it."""
-        lines, rest = 0, ""
-        self.stream.seek(0)
-        self._end(self.stream.read(2))
-        self.stream.seek(0)
-        while chunk := self.stream.read(min(LONGEST, offset - self.offset)):
-            text = rest + self._text(chunk)
-            lines += text.count("\n")
-            begin = text.rfind("\n", 0, -1) + 1
-            self.last, rest = text[begin:], text[begin:].removesuffix("\n")
-        return lines
-
     def __iter__(self) -> Iterator[str]:
         begun, since = b"", time.monotonic()
         while True:
@@ -199,15 +186,9 @@ class Lines:
         return self.decoder.decode(line)
 
 
-def open_file(path: Path, offset: int) -> Any:
-    """A file to follow, from a byte on."""
+def open_file(path: Path) -> Any:
+    """A file to follow."""
     try:
-        stream = path.open("rb")
-        size = path.stat().st_size
+        return path.open("rb")
     except OSError as error:
         raise InputError(str(path), f"cannot be read ({reason(error)})") from None
-    if size < offset:
-        stream.close()
-        raise InputError(str(path), f"has {size} bytes, of which {offset} were read before")
-    stream.seek(offset)
-    return stream

@@ -93,10 +93,10 @@ def test_signal_during_processing_waits_for_the_end_of_the_line(number: signal.S
     assert (found, lines.offset) == (["a\n"], 2)
 
 
-def followed(path: Path, idle: float, *acts: Any, offset: int = 0) -> tuple[list[str], int, float]:
+def followed(path: Path, idle: float, *acts: Any) -> tuple[list[str], int, float]:
     """The lines, their bytes, and the time [s] taken."""
     stop = Stop()
-    with open_file(path, offset) as stream, stop.listening(), soon(*acts):
+    with open_file(path) as stream, stop.listening(), soon(*acts):
         since = time.monotonic()
         lines = Lines(stream, stop, str(path), idle)
         found = list(lines)
@@ -116,10 +116,6 @@ def test_followed_file_ends_after_silence_and_keeps_the_incomplete_line(
     found, offset, taken = followed(path, 1.0, grow)
     assert (found, offset) == (["a\n", "b\n", "begun\n", "c\n"], 12)
     assert taken >= 1.05  # the file grew in between, and silence counts from its last line
-    assert followed(path, 0.1, offset=4)[0] == ["begun\n", "c\n"]
-    with pytest.raises(InputError, match=r"log.csv: has 17 bytes, of which 18 were read before"):
-        open_file(path, 18)
-    open_file(path, 17).close()
 
 
 def test_signal_ends_the_wait_for_a_file_that_stops_growing(tmp_path: Path) -> None:

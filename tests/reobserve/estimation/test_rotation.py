@@ -147,8 +147,29 @@ def test_log_that_was_replaced_between_two_runs_is_refused(
     estimate_stream(chosen, log, idle=0.1, state=state)
     append(log, lines[20])
     estimate_stream(chosen, log, idle=0.1, state=state)
-    log.write_text(lines[0] + "".join(lines[21:]), encoding="utf-8")
-    with pytest.raises(InputError, match="was replaced, as another line is before byte"):
+    kept = state.read_bytes()
+    for rest in (lines[21:], lines[1:5]):
+        log.write_text(lines[0] + "".join(rest), encoding="utf-8")
+        with pytest.raises(InputError, match="was replaced, as less or another line is before b"):
+            estimate_stream(chosen, log, idle=0.1, state=state)
+        assert state.read_bytes() == kept
+
+
+@pytest.mark.parametrize("stop", [1, 2, 40])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_log_without_a_header_is_resumed_after_any_row(
+    stop: int, encoding: str, whole: tuple[list[str], str], tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    (titles, *rows), expected = whole
+    log, state = tmp_path / "log.csv", tmp_path / "state.json"
+    chosen = specification("levant", file={"names": titles.strip().split(",")})
+    for k in (stop, ROWS):
+        log.write_bytes("".join(rows[:k]).encode(encoding))
+        estimate_stream(chosen, log, idle=0.1, state=state)
+    assert capsys.readouterr().out == expected
+    log.write_bytes("".join([*rows, rows[0]]).encode(encoding))
+    with pytest.raises(InputError, match=f"line {ROWS + 1}: the timestamp goes back"):
         estimate_stream(chosen, log, idle=0.1, state=state)
 
 
