@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.core.errors import InputError
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.interpolation import Settled
-from reobserve.estimation.refusals import PolicyError
 from reobserve.estimation.specification import Sampling
 
 Array = NDArray[np.float64]
@@ -175,7 +175,7 @@ class Gaps:
         kind = (f"sampling.{key}", listed, where)
         refusals.refuse(kind, lambda: self._refusal(key, now, listed), at)
 
-    def _refusal(self, key: str, now: float, listed: str) -> PolicyError:
+    def _refusal(self, key: str, now: float, listed: str) -> InputError:
         said = self.report.said
         if key == "missing":
             others = "interpolate or skip" if self.reads_missing else "interpolate"
@@ -185,7 +185,7 @@ class Gaps:
             since = "the start" if self.last is None else said(self.last, 14)
             when = f"from {since} on for longer than sampling.gap, {self.sampling.longest:g} s"
         problem = f"{listed} missing {when}; sampling.{key} is refuse, set it to {others}"
-        return PolicyError(self.place, problem, f"sampling.{key}")
+        return InputError(self.place, problem)
 
     def _count(self, rows: Settled, there: NDArray[np.bool_]) -> None:
         for c, name in enumerate(self.columns):

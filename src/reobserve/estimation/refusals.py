@@ -47,15 +47,7 @@ POLICIES = {
 }
 
 
-class PolicyError(InputError):
-    """A refusal by a policy of a specification, and the ``key`` that states the policy."""
-
-    def __init__(self, parameter: str, problem: str, key: str = "") -> None:
-        self.key = key
-        super().__init__(parameter, problem)
-
-
-class RowError(PolicyError):
+class RowError(InputError):
     """A problem in a row, which counts from 1.
 
     Parameters
@@ -64,13 +56,11 @@ class RowError(PolicyError):
         What is wrong, as in `InputError`.
     problem
         The rest of the sentence, with ``{at}`` for the row.
-    key
-        That of a policy which refuses it, if there is one.
     """
 
-    def __init__(self, parameter: str, problem: str, row: int, key: str = "") -> None:
+    def __init__(self, parameter: str, problem: str, row: int) -> None:
         self.template, self.row = problem, row
-        super().__init__(parameter, problem.replace("{at}", f"row {row}", 1), key)
+        super().__init__(parameter, problem.replace("{at}", f"row {row}", 1))
 
     def at_line(self, line: int | None, word: str = "line") -> RowError:
         """The same by the line of the file, or by what the ``word`` says."""

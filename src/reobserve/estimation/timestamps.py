@@ -80,9 +80,8 @@ class Timestamps:
             known = ~np.isnan(time)
             unstamped = report.refusals.others(values[~known, -1])
             if sampling.uneven == "refuse" and len(unstamped):
-                problem, key = "{at} has no timestamp", "sampling.uneven"
-                error = RowError(self.place, problem, int(unstamped[0]), key)
-                report.refusals.refuse((key,), error, unstamped)
+                error = RowError(self.place, "{at} has no timestamp", int(unstamped[0]))
+                report.refusals.refuse(("sampling.uneven",), error, unstamped)
                 report.refusals.leave_out(unstamped)
             report.unstamped += int((~known).sum())
             time, values = time[known], values[known]
@@ -153,7 +152,7 @@ class Timestamps:
             one, two = (f"{each[row, column]:.9g} {unit}".strip() for each in (merged, values))
             problem = f"{{at}} has {two} and a row before it, with the same timestamp, {one}"
             hint = "sampling.repeated may be first or last, which leave out rows, instead of merge"
-            error = RowError(name, f"{problem}; {hint}", int(values[row, -1]), key)
+            error = RowError(name, f"{problem}; {hint}", int(values[row, -1]))
             self.report.refusals.refuse((key, name), error, values[other.any(axis=1), -1])
         values[:, :-1] = merged
 
@@ -273,7 +272,7 @@ class Timestamps:
         now = self.report.said(float(time[at]))
         problem = f"{{at}}: the timestamp {said}, at {now}{hint}"
         rows = values[len(time) - len(wrong) :][wrong, -1]
-        error = RowError(self.place, problem, int(rows[0]), key)
+        error = RowError(self.place, problem, int(rows[0]))
         self.report.refusals.refuse((key or "columns.time",), error, rows)
         self.report.refusals.leave_out(rows)
 
