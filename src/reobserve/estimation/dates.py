@@ -66,19 +66,7 @@ def looks_dated(text: str) -> bool:
 
 @cache
 def time_zone(name: str) -> tzinfo:
-    """The time zone of a name, as Europe/Berlin, or of an offset, as +01:00."""
-    if re.fullmatch(r"[+-]\d\d:\d\d", name):
-        zone = datetime.strptime(name, "%z").tzinfo
-        assert zone is not None
-        return zone
-    try:
-        return ZoneInfo(name)
-    except (ZoneInfoNotFoundError, OSError) as error:
-        raise ValueError from error
-
-
-def check_zone(place: str, name: str) -> None:
-    """Refuse what is no time zone.
+    """The time zone of a name, as Europe/Berlin, or of an offset, as +01:00.
 
     Raises
     ------
@@ -86,10 +74,12 @@ def check_zone(place: str, name: str) -> None:
         If zoneinfo knows none of this name.
     """
     try:
-        time_zone(name)
-    except ValueError:
+        if re.fullmatch(r"[+-]\d\d:\d\d", name):
+            return datetime.strptime(name, "%z").tzinfo or UTC
+        return ZoneInfo(name)
+    except (ZoneInfoNotFoundError, OSError, ValueError):
         problem = f"{shown(name)} must be a time zone, as Europe/Berlin, UTC or +01:00"
-        raise InputError(place, problem) from None
+        raise InputError("zone", problem) from None
 
 
 def skipping_zone(before: datetime, after: datetime) -> str:
@@ -100,7 +90,7 @@ def skipping_zone(before: datetime, after: datetime) -> str:
     for name in _FORWARD:
         try:
             zone = time_zone(name)
-        except ValueError:  # without a database of zones
+        except InputError:  # without a database of zones
             continue
         first, second = (since_1970(hour.replace(tzinfo=zone, fold=fold)) for fold in (0, 1))
         if first > second:

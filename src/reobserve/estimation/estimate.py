@@ -276,7 +276,7 @@ class Estimation:
     def titles(self) -> list[str]:
         """Titles of the results: time, estimates, residuals, alarms, status."""
         columns = [column.title for column in self.outputs.columns]
-        time = "time" if self.layout.dated else "time [s]"
+        time = "time" if self.timestamps.dates else "time [s]"
         return [time, *columns, *(f"alarm {a.rule.name}" for a in self.alarms), "status"]
 
 

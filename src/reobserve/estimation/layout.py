@@ -57,11 +57,6 @@ class Layout:
         """True if there are timestamps."""
         return self.clock is not None
 
-    @property
-    def dated(self) -> bool:
-        """True if timestamps are dates."""
-        return self.clock is not None and self.clock.dates is not None
-
     def _check_counter(self, raw: Array, report: DataReport) -> None:
         """Refuse rows whose counter is not below the number at which it begins again."""
         if self.clock is None or (wrap := self.columns[0].wrap) is None:

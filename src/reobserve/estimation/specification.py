@@ -23,7 +23,7 @@ from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.units import check_unit
 from reobserve.core.validation import NotNegative, Positive, checked, form, having, items, parse
-from reobserve.estimation.dates import DURATION, ISO, check_day, check_format, check_zone
+from reobserve.estimation.dates import DURATION, ISO, check_day, check_format, time_zone
 from reobserve.estimation.detector_alarms import DetectorRule
 from reobserve.estimation.families.observer_section import DesignFile, as_observer
 from reobserve.estimation.file_format import Decimal, Delimiter, Encoding, FileFormat, Thousands
@@ -74,7 +74,7 @@ class TimeColumn:
 
     def __post_init__(self) -> None:
         if self.zone:
-            check_zone("zone", self.zone)
+            time_zone(self.zone)
         if self.day:
             check_day("day", self.day, self.format)
         if self.wrap is not None and self.dated == ISO:

@@ -11,6 +11,7 @@ import io
 import math
 import re
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from reobserve.core.errors import InputError, shown
 from reobserve.estimation.clock import Clock
@@ -162,19 +163,16 @@ class TextRows:
             except ValueError as error:
                 row = (dated and column > 0) or any(map(self._is_number, cells))
                 whole = self.repeats or not (self.ended and row)
-                self._refuse_cell(column, cells, error)
+                text = bare(cells[place])
+                kind: Kind = (self.titles[column], "" if text.lstrip("+-")[:1].isdigit() else text)
+                if self.repeats or not self.ended:
+                    kind = ("repeated" if self.repeats else "truncated",)
+                self._refuse(kind, partial(self._refusal, column, cells, error))
                 if whole or self.held is not None:
                     return None
                 values.append(math.nan)
                 self.complete = False
         return values
-
-    def _refuse_cell(self, column: int, cells: list[str], error: ValueError) -> None:
-        text = bare(cells[self.places[column]])
-        kind: Kind = (self.titles[column], "" if text.lstrip("+-")[:1].isdigit() else text)
-        if self.repeats or not self.ended:
-            kind = ("repeated" if self.repeats else "truncated",)
-        self._refuse(kind, lambda: self._refusal(column, cells, error))
 
     def read(self, line: str) -> list[tuple[list[float], bool]]:
         """The rows that a line settles, and whether they are complete (refuses as `numbers`).
