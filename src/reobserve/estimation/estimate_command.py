@@ -34,6 +34,8 @@ from reobserve.estimation.specification import Specification, read_specification
 from reobserve.estimation.streaming import Lines, Stop, open_file
 from reobserve.estimation.writing import check_digits, check_name, header, write_results
 
+_put = partial(print, end="", flush=True)
+
 
 def run(
     specification: Path | None,
@@ -276,13 +278,9 @@ def _read(coming: Iterator[str], lines: Lines, rows: RowByRow) -> None:
             return rows.rows.finish()
         rows.cut_off(lines.rest, lines.replaced)
         print(f"reobserve: {lines.place} was {lines.replaced}", file=sys.stderr, flush=True)
-        lines.reopen(open_file(lines.path))
+        lines.close()
+        lines.begin(open_file(lines.path))
         coming = rows.go_on(iter(lines))
-
-
-def _put(lines: str) -> None:
-    if lines:
-        print(lines, end="", flush=True)
 
 
 def _expected(specification: Specification) -> list[str]:

@@ -18,7 +18,7 @@ from reobserve.estimation.dates import DURATION, ISO, looks_dated
 from reobserve.estimation.dialect import SIGNS
 from reobserve.estimation.observer_design import Design
 from reobserve.estimation.quantities import SAME, Conversion, agree, conversion
-from reobserve.estimation.refusals import RowError, Rows
+from reobserve.estimation.refusals import RowError
 from reobserve.estimation.specification import Column, Columns, Constant, TimeColumn
 
 Array = NDArray[np.float64]
@@ -74,15 +74,6 @@ class Layout:
         """Times [s] from the cells of rows, as `values` has them."""
         return self._column(raw[:, 0].copy(), 0, report)
 
-    def _refuse(self, column: int, value: float, rows: Rows, report: DataReport) -> None:
-        """Refuse rows with infinite numbers, such as ``value``, in a column."""
-        title = self.titles[column]
-        problem = f"{{at}} is {value}, must be a number, or empty if it is missing"
-        report.refusals.refuse(
-            (title, "infinite"), lambda: RowError(title, problem, int(rows[0])), rows
-        )
-        report.refusals.leave_out(rows)
-
     def values(self, raw: Array, report: DataReport) -> tuple[Array, Array]:
         """Times [s], empty without a column for them, and y and u, from the cells of rows.
 
@@ -94,8 +85,12 @@ class Layout:
         infinite = np.isinf(raw)
         if infinite.any():
             for column in np.flatnonzero(infinite.any(axis=0)).tolist():
-                at = np.flatnonzero(infinite[:, column])
-                self._refuse(column, float(raw[at[0], column]), report.rows + at + 1, report)
+                at, title = np.flatnonzero(infinite[:, column]), self.titles[column]
+                rows, value = report.rows + at + 1, raw[at[0], column]
+                problem = f"{{at}} is {value}, must be a number, or empty if it is missing"
+                error = RowError(title, problem, int(rows[0]))
+                report.refusals.refuse((title, "infinite"), error, rows)
+                report.refusals.leave_out(rows)
             raw = np.where(infinite, np.nan, raw)
         self._check_counter(raw, report)
         columns = [self._column(raw[:, c].copy(), c, report) for c in range(raw.shape[1])]
@@ -150,9 +145,28 @@ def _held(values: Array, report: DataReport, name: str) -> Array:
 def lay_out(
     columns: Columns, design: Design, header: Sequence[str], place: str, period: float = 0.0
 ) -> Layout:
-    """Find the columns in a header, ``name`` or ``name [unit]``, say, and settle their units."""
+    """Find the columns in a header, ``name`` or ``name [unit]``, say, and settle their units.
+
+    Raises
+    ------
+    InputError
+        With all columns that are not there, or whose units are not clear.
+    """
     wanted = _wanted(columns, design)
-    parts, clock = _find(columns, wanted, header, place, period)
+    parts, problems, clock = [], list[InputError](), None
+    for at, column, fixed in wanted:
+        try:
+            parts.append(find_column(at, column, fixed, header, place))
+        except InputError as error:
+            problems.append(error)
+    try:
+        clock = _clock(columns.time, header, place, period)
+    except InputError as error:
+        problems.append(error)
+    if problems and not any(_matches(name, header) for name in _names(columns)):
+        problems = _no_header(columns, header, place, problems)
+    if problems:
+        raise problems[0] if len(problems) == 1 else ProblemsError(problems)
     every = [column for _, column, _ in wanted]
     if clock is not None:
         parts.insert(0, (clock.titles[0], clock.way, "s"))
@@ -182,31 +196,6 @@ def _wanted(columns: Columns, design: Design) -> list[tuple[str, Column, str]]:
                 continue
             wanted.append((f"columns.{what}.{k}", column, fixed[k] if fixed else ""))
     return wanted
-
-
-def _find(
-    columns: Columns,
-    wanted: Sequence[tuple[str, Column, str]],
-    header: Sequence[str],
-    place: str,
-    period: float,
-) -> tuple[list[tuple[str, Conversion, str]], Clock | None]:
-    """Titles, conversions and units of the columns, and the clock (raises all that is wrong)."""
-    parts, problems, clock = [], list[InputError](), None
-    for at, column, fixed in wanted:
-        try:
-            parts.append(find_column(at, column, fixed, header, place))
-        except InputError as error:
-            problems.append(error)
-    try:
-        clock = _clock(columns.time, header, place, period)
-    except InputError as error:
-        problems.append(error)
-    if problems and not any(_matches(name, header) for name in _names(columns)):
-        problems = _no_header(columns, header, place, problems)
-    if problems:
-        raise problems[0] if len(problems) == 1 else ProblemsError(problems)
-    return parts, clock
 
 
 def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -> Clock | None:

@@ -125,10 +125,6 @@ class Refusals:
         """
         self.left_out = np.union1d(self.left_out, np.asarray(rows, dtype=np.float64))[-_KEPT:]
 
-    def others(self, rows: Array) -> Array:
-        """The rows that are not refused yet."""
-        return np.setdiff1d(rows, self.left_out)
-
     def take(self, time: Array, rows: Array) -> None:
         """Take the times [s] and the numbers of rows that are used, in order."""
         if self.noting:

@@ -97,18 +97,14 @@ class Lines:
     ) -> None:
         self.stop, self.place, self.idle, self.path = stop, place, idle, path
         self.dialect = dialect or Dialect()
-        self._begin(stream)
+        self.begin(stream)
 
-    def _begin(self, stream: BinaryIO) -> None:
+    def begin(self, stream: BinaryIO) -> None:
+        """Read a file from its beginning."""
         self.stream, self.offset, self.end = stream, 0, b"\n"
         self.decoder: codecs.IncrementalDecoder | None = None
         self.replaced = self.rest = self.last = ""
         self._noticed = 0.0
-
-    def reopen(self, stream: BinaryIO) -> None:
-        """Go on with another file, or with the same one from the top."""
-        self.close()
-        self._begin(stream)
 
     def close(self) -> None:
         """Close the file."""

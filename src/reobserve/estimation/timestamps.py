@@ -78,7 +78,7 @@ class Timestamps:
         values = np.column_stack([values, np.arange(rows + 1.0, report.rows + 1.0)])
         if np.isnan(time).any():
             known = ~np.isnan(time)
-            unstamped = report.refusals.others(values[~known, -1])
+            unstamped = np.setdiff1d(values[~known, -1], report.refusals.left_out)
             if sampling.uneven == "refuse" and len(unstamped):
                 error = RowError(self.place, "{at} has no timestamp", int(unstamped[0]))
                 report.refusals.refuse(("sampling.uneven",), error, unstamped)
