@@ -285,7 +285,7 @@ def _numbers(cells: Sequence[str]) -> bool:
 def _no_header(
     columns: Columns, header: Sequence[str], place: str, problems: list[InputError]
 ) -> list[InputError]:
-    """What is wrong with a header that has none of the columns, and the keys that may find them."""
+    """Problems of a header that has none of the columns, and the keys that may find them."""
     for mark in ";\t|," + " " * (len(header) == 1):
         cells = [cell.strip() for title in header for cell in title.split(mark)]
         found = any(_matches(name, cells) for name in _names(columns)) or _numbers(cells)

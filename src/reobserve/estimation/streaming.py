@@ -60,7 +60,7 @@ class Stop:
             raise _Stopped
 
     def wait(self, act: Callable[[Any], Any], given: Any) -> Any:
-        """What an act gives that may take long, or None if one is to stop."""
+        """The result of an act that may take long, or None if one is to stop."""
         try:
             self.waiting = True
             return None if self.asked else act(given)
