@@ -6,7 +6,6 @@ STAMP   := $(VENV)/.installed
 DOCS    := $(VENV)/.docs
 TOOLS   := $(VENV)/.package
 CORES   ?= 2
-MODULE  ?= src/reobserve/core/chandrupatla.py
 LOCKS   := requirements-uv.lock requirements-build.lock requirements.lock
 
 # The first Python on the PATH for which the lock has wheels; `make PYTHON=...` overrides it.
@@ -117,16 +116,9 @@ accept: $(STAMP)  ## build papers and bench, accept new figures and golden numbe
 samples: $(STAMP)  ## add samples where claims are undecided, and cache them in config/samples: make samples [MAX=400] [PAPER=ilo] [CLAIM=any_fault]
 	reobserve-papers samples $(PAPER) $(if $(MAX),--max-samples $(MAX)) $(if $(CLAIM),--claim $(CLAIM))
 
-mutations: $(STAMP)  ## change a module one operator at a time, list what its tests miss: make mutations MODULE=src/…
-	python -m pip install --quiet --require-hashes -r requirements-mutation.lock
-	rm -rf build/mutations && mkdir -p build/mutations && git archive HEAD | tar -x -C build/mutations
-	cd build/mutations && export PYTHONPATH="$$PWD/src" && \
-		tests=$$(echo $(MODULE) | sh tests/affected.sh | tr '\n' ' ') && \
-		sed "s|MODULE|$(MODULE)|; s|TESTS|$$tests|" tests/cosmic-ray.toml > config.toml && \
-		cosmic-ray init config.toml session.sqlite && \
-		cr-filter-operators session.sqlite config.toml && \
-		cosmic-ray exec config.toml session.sqlite && \
-		cr-report session.sqlite --surviving-only --show-diff
+mutations: $(STAMP)  ## change drawn lines of src one at a time, name the test that notices each: make mutations [CHANGES=60] [SEED=1] [MODULE=src/…]
+	rm -rf build/mutations && git clone --quiet --shared . build/mutations
+	cd build/mutations && PYTHONPATH="$$PWD/src" python -m tests.mutations $(or $(CHANGES),60) $(or $(SEED),1) $(MODULE)
 
 pages: $(STAMP)  ## run the code of the pages and update its output in them; PAGE=docs/pages/index.md for one page
 	python -m docs.outputs $(PAGE)
@@ -183,7 +175,6 @@ lock:  ## update the lock files from pyproject.toml
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:build -c requirements.lock -o requirements-build.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:package -c requirements.lock -o requirements-package.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:cluster --no-deps -o requirements-cluster.lock
-	.venv-lock/bin/$(LOCK) --group pyproject.toml:mutation -c requirements.lock -o requirements-mutation.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:docs -c requirements.lock -o requirements-docs.lock
 	rm -rf .venv-lock
 
