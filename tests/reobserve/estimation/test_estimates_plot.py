@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import matplotlib.style
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -122,6 +123,17 @@ def test_probability_has_an_upper_threshold_only(tmp_path: Path, figures: list[A
         for ax in axes[:-1]
     }
     assert dashed["probability"] == [0.9]
+
+
+def test_plot_is_the_same_whatever_a_matplotlibrc_says(tmp_path: Path) -> None:
+    record = {name: values[:50] for name, values in simulated("kalman").record().items()}
+    text, plots = write_record(tmp_path / "r.csv", record), []
+    for styles in ([], ["ggplot", "dark_background"]):
+        with matplotlib.style.context(styles):
+            drawn_in = tmp_path / "e.svg"
+            estimate_file(specification("kalman"), text, tmp_path / "e.csv", plot=drawn_in)
+        plots.append(drawn_in.read_bytes())
+    assert plots[0] == plots[1]
 
 
 def test_long_record_is_plotted_by_minimum_and_maximum(tmp_path: Path, figures: list[Any]) -> None:

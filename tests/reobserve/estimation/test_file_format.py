@@ -38,8 +38,8 @@ def chosen(file: dict[str, Any] | None = None, **columns: Any) -> Specification:
 
 
 def streamed(specification: Specification, content: bytes, report: Path | None = None) -> str:
-    """The results of a record from standard input."""
-    out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
+    """The results of a record from standard input, on a terminal that cannot encode all titles."""
+    out = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "stdin", type("Bytes", (), {"buffer": io.BytesIO(content)}))
         patch.setattr(sys, "stdout", out)

@@ -48,10 +48,11 @@ def test_numbers_are_those_of_the_library(
     there[200:215] = False  # a gap, after which the filter restarts
     write_record(tmp_path / "log.csv", {"t": time[there], "level": y[there]})
     (tmp_path / "spec.yaml").write_text(SPEC)
-    ranges = ["--range", "observer.Q", "1e-4", "1e2", "--range", "observer.R", "1e-3", "1e3"]
+    ranges = ["--range", "observer.Q", "0", "20", "--range", "observer.R", "1e-3", "1e3"]
+    ranges += ["--linear", "observer.Q"]  # on a logarithmic scale no range begins at 0
     files = [str(tmp_path / name) for name in ("spec.yaml", "log.csv", "fitted.yaml")]
     assert main(["fit", *files[:2], *ranges, "--output", files[2]]) == 0
-    bounds = {"observer.Q": (1e-4, 1e2), "observer.R": (1e-3, 1e3)}
+    bounds = {"observer.Q": (0.0, 20.0, "linear"), "observer.R": (1e-3, 1e3)}
     expected = fit(make, bounds, [y[:200], y[215:]])
     fitted = read_specification(files[2]).observer.design(0.5).observer.model
     assert fitted.Q[0, 0] == pytest.approx(expected.values["observer.Q"], rel=1e-5)
