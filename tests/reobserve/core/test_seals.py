@@ -62,3 +62,10 @@ def test_changed_json_is_refused(tmp_path: Path, change: tuple[str, str]) -> Non
     path.write_text(text.replace(*change, 1))
     with pytest.raises(InputError, match=r"t\.json: is not what was written"):
         read_json(path)
+
+
+def test_files_of_other_versions_are_read(tmp_path: Path) -> None:
+    """The digest, by `sha256sum`, is part of the format: caches and results outlast a version."""
+    path = tmp_path / "t.json"
+    path.write_text('{"n": [1, 2.5], "sha256": "c14784682e69073c"}')
+    assert read_json(path, must_be_sealed=True) == {"n": [1, 2.5]}
