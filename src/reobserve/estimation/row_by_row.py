@@ -49,7 +49,10 @@ class RowByRow:
             sampling.uneven == "refuse" and layout.clock is not None and dialect.plain
             and not layout.clock.elapsed
             and sampling.repeated in ("refuse", "first")
-            and all(each.range is each.wrap is each.missing is None for each in layout.columns)
+            and all(
+                each.range is None and each.wrap is None and each.missing is None
+                for each in layout.columns
+            )
         )  # fmt: skip
         self.recent: tuple[float, list[float]] | None = None
         self.lines: deque[int] = deque(maxlen=_REMEMBERED)  # of the last rows

@@ -161,7 +161,7 @@ def write_results(
             stream.write(header(titles).encode())
             for block in blocks:
                 for begin in range(0, len(block.time), _AT_ONCE):
-                    rows = Estimated(*(part[begin : begin + _AT_ONCE] for part in block))
+                    rows = Estimated._make(part[begin : begin + _AT_ONCE] for part in block)
                     stream.write(text(rows, report, digits).encode())
 
     def parquet(partial: Path) -> None:
