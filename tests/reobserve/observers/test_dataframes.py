@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
-from reobserve import InputError, KalmanFilter, LinearModel, luenberger, rts_smoother
+from reobserve import (
+    AugmentedKalmanFilter,
+    ExtendedKalmanFilter,
+    FaultBank,
+    InputError,
+    KalmanFilter,
+    LinearModel,
+    NonlinearModel,
+    SmoothVariableStructureFilter,
+    UnscentedKalmanFilter,
+    luenberger,
+    rts_smoother,
+)
 from tests.reobserve.observers.case import observe
 from tests.reobserve.observers.cases import CASES
 
@@ -40,6 +53,33 @@ def test_columns_are_matched_by_name_and_dates_stay() -> None:
     assert table.index.equals(DATES)
     assert table["state_load"].tolist() == sought["state"][:, 1].tolist()
     assert run(frame(index=None), PUSH.reset_index(drop=True)).to_pandas().index.name == "time"
+
+
+NONLINEAR = NonlinearModel.from_ode(
+    ["push - speed", "speed - load"], ["speed", "load"], Q=1.0, R=1.0, sampling_period=0.5,
+    state_names=["speed", "load"], output_names=["left", "right"], input_names=["push"],
+)  # fmt: skip
+FAULT: Any = {"fault_matrix": [[1.0], [0.0]]}
+
+
+@pytest.mark.parametrize(
+    "named",
+    [
+        KalmanFilter(MODEL, gate=3.0, noise_memory=5.0),
+        SmoothVariableStructureFilter(MODEL, boundary_layer=1.0, convergence_rate=0.5),
+        AugmentedKalmanFilter(MODEL, random_walk=0.1, unknown_input_names=["force"], **FAULT),
+        FaultBank(
+            MODEL, drift=0.1, jump=1.0, jump_rate=0.1, jump_time=1.0, fault_names=["force"], **FAULT
+        ),
+        ExtendedKalmanFilter(NONLINEAR), UnscentedKalmanFilter(NONLINEAR),
+    ],
+    ids=lambda one: type(one).__name__,
+)  # fmt: skip
+def test_columns_have_the_names_of_their_signals(named: Any) -> None:
+    """No component is numbered but those of the filters of a bank."""
+    made = named.run(VALUES, PUSH.to_numpy(), start=named.init([0.0, 0.0], 1.0))
+    of_filter = r"^(probability|innovation)_\d" if isinstance(named, FaultBank) else "$"
+    assert not re.findall(r"_\d", " ".join(re.sub(of_filter, "", one) for one in made.to_pandas()))
 
 
 def test_smoother_of_a_frame_keeps_dates() -> None:
