@@ -243,7 +243,7 @@ STARTS = [
     ("kalman", {"covariance": -1.0}, "covariance: must be positive semidefinite"),
     ("augmented-kalman", {"state": [0.0] * 3}, "state: has shape (3,), must be a list of 2 nu"),
     ("augmented-kalman", {"unknown_input": [0.0, 0.0]}, "unknown_input: has shape (2,), must"),
-    ("imm-kalman", {"state": [0.0] * 3}, "state: has shape (3,), must be a list of 2 numbers"),
+    ("imm-kalman", {"state": [0.0] * 3}, "state: has shape (3,), must be (2,) or (2, 2)"),
     ("imm-svsf", {"probabilities": [0.5, 0.6]}, "probabilities: [0.5, 0.6] must be 0 or more"),
     ("eso", {"state": [0.0]}, "state: has shape (1,), must be a list of 2 numbers"),
     ("high-gain", {"state": [0.0] * 3}, "state: has shape (3,), must be a list of 2 numbers"),
