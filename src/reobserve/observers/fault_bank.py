@@ -18,9 +18,8 @@ from reobserve.core.finite import finite
 from reobserve.core.matrices import as_positive, as_sized, as_vector
 from reobserve.observers.augmented_kalman import as_fault_matrices
 from reobserve.observers.gaussian_state import ModeFilter
-from reobserve.observers.imm import IMM, ImmState
+from reobserve.observers.imm import IMM, BankRows, ImmState
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.record import Record, Rows
 from reobserve.observers.run import AxisNames
 from reobserve.synthesis.linear_gain import undetectable_modes
 from reobserve.systems.linear import LinearModel
@@ -248,13 +247,12 @@ class FaultBank(IMM):
         x = np.concatenate([as_vector("mean", mean, n), f, np.zeros(q)])
         return super().init(x, P, probabilities=np.eye(q + 1)[0], u=u)
 
-    def _fill(self, state: ImmState, record: Record) -> Rows:
-        rows, (n, q) = super()._fill(state, record), self.fault_matrix.shape
-        whole, variance, covariance, *_ = rows.estimates.values()
+    def _by_name(self, rows: BankRows) -> dict[str, Array]:
+        whole, (n, q) = super()._by_name(rows), self.fault_matrix.shape
+        x, variance, covariance = whole.pop("state"), whole.pop("variance"), rows.covariance
         parts = {"": slice(0, n), "fault": slice(n, n + q), "fault_rate": slice(n + q, n + 2 * q)}
         estimates = {}
         for name, part in parts.items():
-            estimates[name or "state"] = whole[:, part]
+            estimates[name or "state"] = x[:, part]
             estimates[f"{name}_variance" if name else "variance"] = variance[:, part]
-        others = {name: value for name, value in rows.estimates.items() if name not in estimates}
-        return rows._replace(estimates={**estimates, **others, "covariance": covariance[:, :n, :n]})
+        return {**estimates, **whole, "covariance": covariance[:, :n, :n]}

@@ -14,12 +14,13 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError, shown
 from reobserve.core.finite import finite
+from reobserve.core.kernel import kernel
 from reobserve.core.matrices import all_finite, as_floats, as_numbers, as_scalar
-from reobserve.core.value import read_only
+from reobserve.core.value import for_loop, read_only
 from reobserve.observers.gaussian_state import inputs_of_rows
-from reobserve.observers.imm import IMM, ImmState
+from reobserve.observers.imm import IMM, BankRows, ImmState
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.record import Record, Rows
+from reobserve.observers.record import Record
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
@@ -226,15 +227,25 @@ class GridFilter(IMM):
         at = deepest - 1 + np.arange(len(rows))[:, None] - self.periods_late
         return np.take(pairs, at, axis=0), whole[-1 - deepest : -1]
 
-    def _fill(self, state: ImmState, record: Record) -> Rows:
-        rows = super()._fill(state, record)
-        probability = rows.estimates["probability"]
-        # sum_i p_i theta_i, and sum_i p_i (theta_i - theta)^2
-        mean = (probability * self.grid).sum(axis=1)
-        deviation = self.grid - mean[:, None]
-        spread = np.einsum("kr,kr,kr->k", probability, deviation, deviation)
-        added = {"parameter": mean, "parameter_variance": spread}
-        return rows._replace(estimates={**rows.estimates, **added})
+    def _by_name(self, rows: BankRows) -> dict[str, Array]:
+        mean, spread = np.empty((2, len(rows.probability)))
+        write_parameter(rows.probability, for_loop(self.grid), mean, spread)
+        return {**super()._by_name(rows), "parameter": mean, "parameter_variance": spread}
+
+
+@kernel
+def write_parameter(probability: Array, grid: Array, mean: Array, spread: Array) -> None:
+    """Write mean and variance of the parameter at each row."""
+    for k in range(len(mean)):
+        # theta = sum_i p_i theta_i
+        total = 0.0
+        for i in range(len(grid)):
+            total += probability[k, i] * grid[i]
+        mean[k], total = total, 0.0
+        # var theta = sum_i p_i (theta_i - theta)^2
+        for i in range(len(grid)):
+            total += probability[k, i] * (grid[i] - mean[k]) * (grid[i] - mean[k])
+        spread[k] = total
 
 
 def as_grid(value: ArrayLike, name: str = "grid") -> Array:

@@ -827,11 +827,6 @@ class IMM(Observer[ImmState]):
         if state.count <= n and n * m > 1:
             start = state.covariances.diagonal(0, 1, 2).max(axis=0)
             warn_of_start(start, variance[: min(good, n + 1)])
-        estimates = {"state": rows.state, "variance": variance, **rows._asdict()}
-        if not gated:
-            del estimates["outlier"]
-        if not learned:
-            del estimates["noise_variance"]
         if last is not None:
             held = tuple(as_held(each, model.correlation, j) or {} for j, each in enumerate(last))
             held = held if any(held) else None
@@ -843,7 +838,17 @@ class IMM(Observer[ImmState]):
         )  # fmt: skip
         if good < k and (posteriors.covariances.diagonal(0, 1, 2) < 0).any():
             why = NEGATIVE_CAUSE
-        return Rows(estimates, good, reached, finding=why)
+        return Rows(self._by_name(rows), good, reached, finding=why)
+
+    def _by_name(self, rows: BankRows) -> dict[str, Array]:
+        """The estimates by their names."""
+        variance = rows.covariance.diagonal(axis1=1, axis2=2)
+        estimates = {"state": rows.state, "variance": variance, **rows._asdict()}
+        if self.gate is None:
+            del estimates["outlier"]
+        if self.noise_memory is None:
+            del estimates["noise_variance"]
+        return estimates
 
     def _quick_step(self, state: ImmState, y: Any, u: Any) -> tuple[ImmState, Estimate] | None:
         (_, n, _, m), p, learned = self._sizes, self.inputs, self.noise_memory is not None

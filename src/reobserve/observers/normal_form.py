@@ -275,11 +275,14 @@ class IdentityObserver(NormalFormObserver):
         return estimate
 
     def _run(self, known: Samples, rows: Array) -> int:
-        law, n = self._law, rows.shape[1]
-        buffer = max(len(part.parent) for part in law[:-1])
-        sizes = (buffer, len(law.inner.start) - 1, n * n, (3, n), (4, n), n)
-        work = IdentityWork(*map(np.empty, sizes))
+        law, work = self._law, self._work(rows.shape[1])
         return _run_identity(law, work, self.sampling_period, known.right, known.left, rows)
+
+    def _work(self, n: int) -> IdentityWork:
+        """Arrays for steps of n states."""
+        buffer = max(len(part.parent) for part in self._law[:-1])
+        sizes: Any = (buffer, len(self._law.inner.start) - 1, n * n, (3, n), (4, n), n)
+        return IdentityWork(*map(np.empty, sizes))
 
     def _estimates(self, rows: Array) -> dict[str, Array]:
         return {"state": rows}

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError
+from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_numbers, as_sample_rows
 
 Array = NDArray[np.float64]
@@ -101,19 +102,39 @@ def latest(recent: Array, values: Array) -> Array:
     return np.concatenate([recent, values])[-len(recent) :]
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what is not finite diverges, and says so
 def _with_derivatives(values: Array, recent: Array, known: int, period: float) -> Array:
-    order = len(recent) - 1
-    samples = np.concatenate([recent, values])
-    full = np.zeros((len(values), order + 1))
+    full = np.empty((len(values), len(recent)))
     full[:, 0] = values
-    through = np.minimum(known + 1 + np.arange(len(values)), order + 2)
-    scales = period ** np.arange(1.0, order + 1)
-    for points in np.unique(through):
-        chosen = np.flatnonzero(through == points)
-        for ago, weights in enumerate(derivative_weights(int(points), order)):
-            full[chosen, 1:] += np.outer(samples[chosen + order + 1 - ago], weights / scales)
+    weights = scaled_weights(len(recent) - 1, period)
+    write_derivatives(np.concatenate([recent, values]), known, weights, full)
     return full
+
+
+@kernel
+def write_derivatives(samples: Array, known: int, weights: Array, full: Array) -> None:
+    """Write the derivatives of a signal behind it, shape (k, n + 1), at rows after ``known`` ones.
+
+    ``samples`` are those of the n + 1 rows before, then those of the rows.
+    """
+    n = full.shape[1]
+    for k in range(len(full)):
+        points = min(known + 1 + k, n + 1)
+        # u^(d)(t_k) = sum_i w_i u(t_k - i T)
+        for d in range(1, n):
+            total = 0.0
+            for ago in range(points):
+                total += samples[k + n - ago] * weights[points - 1, ago, d - 1]
+            full[k, d] = total
+
+
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite diverges, and says so
+def scaled_weights(order: int, period: float) -> Array:
+    """Weights of samples, shape (n + 2, n + 2, n), for 1 to n + 2 points at a period [s]."""
+    weights = np.zeros((order + 2, order + 2, order))
+    for points in range(1, order + 3):
+        scales = period ** np.arange(1.0, order + 1)
+        weights[points - 1, :points] = derivative_weights(points, order) / scales
+    return weights
 
 
 @cache

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.kernel import allocating_kernel, inlined_kernel
+from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.matrices import as_floats, as_scalar, as_vector
 from reobserve.observers.kalman import TAKES, Gain, LinearFilter, own_gain_function
 from reobserve.systems.linear import LinearModel
@@ -159,11 +159,10 @@ def _switching_gain(
             gain[a, o] = parameters[1 + m + a * m + o] * share
 
 
-@allocating_kernel
-def _output_root(cross: Array, parameters: Array) -> Array:
-    """The lower Cholesky factor of the outputs' covariance."""
+@kernel
+def _take_output_root(cross: Array, parameters: Array, root: Array) -> None:
+    """Write the lower Cholesky factor of the outputs' covariance."""
     n, m = cross.shape
-    root = np.zeros((m, m))
     # L L' = C P C', row by row
     for o in range(m):
         for q in range(o + 1):
@@ -176,7 +175,6 @@ def _output_root(cross: Array, parameters: Array) -> Array:
                 root[o, o] = math.sqrt(total) if total > 0.0 else math.nan
             else:
                 root[o, q] = total / root[q, q]
-    return root
 
 
 @own_gain_function
@@ -185,7 +183,8 @@ def _weighted_gain(
 ) -> None:
     """(15) with the inverse that is weighted by the predicted covariance."""
     n, m = gain.shape
-    root = _output_root(cross, parameters)
+    root = np.empty((m, m))
+    _take_output_root(cross, parameters, root)
     # C^+ = P C' (C P C')^-1
     for a in range(n):
         # Z L' = P C'
