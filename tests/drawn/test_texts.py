@@ -7,16 +7,12 @@ difference from the same walk with fewer bits says what rounding may change.
 from __future__ import annotations
 
 import ast
-import ctypes
 import math
 import shutil
 import signal
-import subprocess
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import mpmath
@@ -28,14 +24,13 @@ from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from reobserve.codegen.expressions import Name
-from reobserve.codegen.programs.right_hand_sides import expression
 from reobserve.core.errors import InputError
 from reobserve.core.vector_field import VECTOR_FIELD
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.polynomials.grammar import FUNCTIONS
 from reobserve.systems.nonlinear_text import Names, text_jacobian, text_rows
 from reobserve_papers.parameters.parameter_file import Titled, parse_file
+from tests.reobserve.codegen.in_c import rows_in_c
 
 from . import fewer
 
@@ -191,25 +186,12 @@ def by_numba(rows: Sequence[str]) -> Any:
     return found
 
 
-def in_c(rows: Sequence[str]) -> Any:
-    x = Name("x", (2,))
-    codes = [expression(row, x).inside(()) for row in rows]
-    body = "".join(f"    out[{i}] = {code};\n" for i, code in enumerate(codes))
-    found = np.empty((len(POINTS), len(rows)))
-    with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "f.c").write_text(
-            f"#include <math.h>\nvoid f(const double *x, double *out) {{\n{body}}}\n",
-            encoding="utf-8",
-        )
-        flags = ["-std=c99", "-O0", "-Wall", "-Werror", "-shared", "-fPIC", "-o", "f.so"]
-        subprocess.run(["cc", *flags, "f.c", "-lm"], check=True, cwd=folder)
-        function = ctypes.CDLL(f"{folder}/f.so").f
-        for k, point in enumerate(POINTS):
-            function((ctypes.c_double * 2)(*point), found[k].ctypes.data_as(ctypes.c_void_p))
-    return found
+def by_cc(rows: Sequence[str]) -> Any:
+    function = rows_in_c(rows, 2)
+    return np.array([function(np.array(point)) for point in POINTS])
 
 
-WAYS = {"python": in_python, "numba": by_numba} | ({"c": in_c} if shutil.which("cc") else {})
+WAYS = {"python": in_python, "numba": by_numba} | ({"c": by_cc} if shutil.which("cc") else {})
 
 
 def check(texts: Sequence[str], *ways: str) -> int:

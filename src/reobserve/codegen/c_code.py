@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from textwrap import wrap
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.codegen.expressions import Name, Shape
-from reobserve.codegen.program import WIDTH, Block, Function, Program, margins
+from reobserve.codegen.program import Program
+from reobserve.codegen.statements import WIDTH, line
+from reobserve.codegen.values import Storage, literal
 
 Array = NDArray[np.float64]
 
@@ -82,10 +84,11 @@ _SOURCE = """\
 {{
 {start}}}
 
+{step}"""
+
+_STEP = """\
 int32_t {name}_step({name}_memory *memory, const double y[{p}],{u}
     {name}_estimate *estimate)
-{{
-{step}}}
 """
 
 _MOST_ASSIGNED = 60  # numbers of a memory; more are copied from a table
@@ -109,95 +112,97 @@ def header(
             wrap(_MISSING[not missing], WIDTH, initial_indent=" * ", subsequent_indent=" * ")
         ),
         period=repr(period), p=program.measurements, u=_u(program),
-        memory="".join(
-            f"    {'int32_t' if part.counter else 'double'} {each}{_size(part.initial.shape)};\n"
-            for each, part in program.memory.items()
-        ),
-        estimate="".join(
-            f"    double {each}{_size(part.initial.shape)};\n"
-            for each, part in program.estimates.items()
-        ),
+        memory=_fields(program.code.storages["memory"]),
+        estimate=_fields(program.code.storages["estimate"]),
     )  # fmt: skip
 
 
 def source(program: Program, name: str) -> str:
     """The source that goes with the header."""
-    functions = "".join(map(_function, program.functions))
-    constants = dict(program.constants)
-    for each, variable in program.memory.items():
-        if variable.initial.size > _MOST_ASSIGNED:
-            constants[f"{each}_at_start"] = variable.initial
+    code, start = program.code, _start(program)
+    work = _fields(code.storages["work"])
+    structures = {
+        "memory": f"{name}_memory", "work": f"{name}_work", "estimate": f"{name}_estimate",
+        "y": "const double", "u": "const double",
+    }  # fmt: skip
+    head = _STEP.format(name=name, p=program.measurements, u=_u(program))
+    functions, step = code.functions(structures, head)
+    if work:
+        functions = f"typedef struct {{\n{work}}} {name}_work;\n\n{functions}"
+        scratch = f"    {name}_work scratch, *const work = &scratch;\n"
+        step = step.replace(")\n{\n", f")\n{{\n{scratch}", 1)
+    unread = [each for each in ("y", "u")[: 1 + bool(program.inputs)]
+              if not re.search(rf"\b{each}\b", step.split("\n{\n", 1)[1])]  # fmt: skip
+    for each in unread:
+        step = step.replace("\n{\n", f"\n{{\n    (void){each};\n", 1)
+    tables = [
+        _table(one.name, one.data, one.kind)
+        for one in code.storages["constant"] if one.data is not None
+    ]  # fmt: skip
+    tables += [_table(f"{each}_at_start", values) for each, values in start.tables.items()]
     return _SOURCE.format(
-        title=program.title, name=name, p=program.measurements, u=_u(program), strict=STRICT_MATH,
-        constants="".join(
-            f"static const double {each}{_size(values.shape)} = {literal(values)};\n"
-            for each, values in constants.items()
-        )
-        + "\n",
-        functions=functions, start=_start(program), step=_step(program),
+        title=program.title, name=name, strict=STRICT_MATH,
+        constants="".join(tables) + "\n", functions=functions, start=start.lines,
+        step=step.rstrip("\n") + "\n",
     )  # fmt: skip
 
 
-def literal(values: Array) -> str:
-    """A number or nested braces, with NAN of math.h for what is not a number."""
+def initialiser(values: Array) -> str:
+    """Numbers in nested braces, or one."""
     if values.ndim == 0:
-        return "NAN" if np.isnan(values) else repr(float(values))
-    inner = ", ".join(map(literal, values))
+        return literal(values.item())
+    inner = ", ".join(map(initialiser, values))
     if values.ndim == 1 or len(inner) < 80:
         return f"{{{inner}}}"
-    rows = ",\n    ".join(map(literal, values))
+    rows = ",\n    ".join(map(initialiser, values))
     return f"{{\n    {rows}}}"
+
+
+def _table(name: str, values: Array, kind: str = "double") -> str:
+    return f"static const {kind} {name}{_size(values.shape)} = {initialiser(values)};\n"
+
+
+def _fields(storages: list[Storage]) -> str:
+    return "".join(
+        f"    {one.kind} {one.name}{'' if one.scalar else _size(one.shape)};\n" for one in storages
+    )
 
 
 def _u(program: Program) -> str:
     return f" const double u[{program.inputs}]," if program.inputs else ""
 
 
-def _size(shape: Shape) -> str:
+def _size(shape: tuple[int, ...]) -> str:
     return "".join(f"[{size}]" for size in shape)
 
 
-def _function(function: Function) -> str:
-    # C99 makes no array of arrays constant by handing it over.
-    arguments = ", ".join(
-        f"{'const ' if len(each.shape) < 2 else ''}double {each.name}{_size(each.shape)}"
-        for each in function.arguments
-    )
-    result = f"double {function.result.name}{_size(function.result.shape)}"
-    lines = "".join(function.block.lines)
-    unread = [each.name for each in function.arguments if not re.search(rf"\b{each.name}\b", lines)]
-    ignored = "".join(f"    (void){name};\n" for name in unread)
-    head = wrap(f"static void {function.name}({arguments}, {result})", WIDTH, **margins(""))
-    text = "\n".join(head)
-    return f"{text}\n{{\n{_variables(function.block)}{ignored}{lines}}}\n\n"
+class _Start(NamedTuple):
+    lines: str
+    tables: dict[str, Array]
 
 
-def _start(program: Program) -> str:
-    lines = Program("", 0, 0)
-    for name, part in program.memory.items():
-        whole = Name(f"memory->{name}", part.initial.shape)
-        if part.initial.size > _MOST_ASSIGNED:
-            lines.let(whole, Name(f"{name}_at_start", whole.shape))
+def _start(program: Program) -> _Start:
+    """The statements that assign the memory its start, from tables where it is large."""
+    lines, tables = "", dict[str, Array]()
+    for storage in program.code.storages["memory"]:
+        values = np.asarray(program.memory[storage.name]).reshape(storage.shape)
+        view = storage.view()
+        if values.size > _MOST_ASSIGNED:
+            tables[storage.name] = values
+            target, source = (f"{path}[i]" for path in (storage.path, f"{storage.name}_at_start"))
+            target, source = (f"{one}" for one in (target, source))
+            inner = "".join(f"[{chr(ord('j') + i)}]" for i in range(values.ndim - 1))
+            heads = "".join(
+                f"    {'    ' * i}for (int32_t {index} = 0; {index} < {size}; ++{index}) {{\n"
+                for i, (index, size) in enumerate(zip("ijkl", values.shape, strict=False))
+            )
+            space = "    " * (values.ndim + 1)
+            ends = "".join(f"{'    ' * i}}}\n" for i in range(values.ndim, 0, -1))
+            lines += f"{heads}{space}{target}{inner} = {source}{inner};\n{ends}"
             continue
-        for index in np.ndindex(part.initial.shape):
-            value = part.initial[index]
-            lines.line(f"{whole[index]} = {int(value) if part.counter else literal(value)};")
-    return "".join(lines.body.lines)
-
-
-def _step(program: Program) -> str:
-    lines, finite = Program("", 0, 0), Name("finite")
-    for name, part in program.memory.items():
-        if not part.counter:
-            with lines.entries(part.initial.shape) as at:
-                lines.line(f"{finite} += {Name(f'memory->{name}')[at]};")
-    declared = f"{_variables(program.body)}    double {finite} = 0.0;\n\n"
-    checked = f"\n{''.join(lines.body.lines)}    return isfinite({finite}) ? 0 : 1;\n"
-    return declared + "".join(program.body.lines) + checked
-
-
-def _variables(block: Block) -> str:
-    return "".join(
-        f"    double {name}{_size(shape)}{'' if shape else ' = 0.0'};\n"
-        for name, shape in block.variables.items()
-    )
+        for index in np.ndindex(values.shape):
+            entry = view
+            for place in index:
+                entry = entry.moved(0, place).without(0)
+            lines += line(f"{entry.entry().text} = {literal(values[index].item())};", "    ")
+    return _Start(lines, tables)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.codegen.c_code import STRICT_MATH, literal
+from reobserve.codegen.c_code import STRICT_MATH, initialiser
 from reobserve.codegen.program import Program
 
 Array = NDArray[np.float64]
@@ -90,13 +90,13 @@ def test_source(
     for place, each in enumerate(program.estimates):
         values = np.asarray(expected[each], dtype=np.float64).reshape(rows, -1)
         data.append(_array(f"expected_{each}", values))
-        shape = program.estimates[each].initial.shape
+        shape = program.estimates[each].shape
         pointer = f"&estimate.{each}" + "[0]" * len(shape)
         compared.append(
             f"        apart = off({pointer}, expected_{each}[k], {values.shape[1]});\n"
             f"        worst[{place}] = (apart > worst[{place}]) ? apart : worst[{place}];\n"
         )
-        least = program.estimates[each].size
+        least = program.least.get(each, 0.0)
         size = float(np.nanmax(np.abs(values), initial=least)) or 1.0
         reported.append(
             f'    printf("{each}: off by %.3g of at most {size:.3g}\\n", worst[{place}]);\n'
@@ -111,5 +111,5 @@ def test_source(
 
 
 def _array(name: str, values: Array) -> str:
-    rows = ",\n    ".join(map(literal, values))
+    rows = ",\n    ".join(map(initialiser, values))
     return f"static const double {name}[ROWS][{values.shape[1]}] = {{\n    {rows}\n}};\n"

@@ -277,6 +277,8 @@ CASES: dict[str, Callable[[], Made]] = {
     "extended_alone": alone,
     "identity": lambda: (pendulum(order=4), None),
     "identity_on": lambda: started(pendulum(order=4), 0.2, -0.3),
+    "composed": lambda: (pendulum(order=3, gain="composed"), None),
+    "jacobian": lambda: started(pendulum(order=3, gain="jacobian"), 0.2, -0.3),
     "constant": lambda: (pendulum(order=0), None),
     "transformed": lambda: (pendulum(order=4, form="transformed"), None),
     "transformed_on": lambda: started(pendulum(order=4, form="transformed"), 0.2, -0.3),

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
-import subprocess
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import mpmath
@@ -21,11 +19,10 @@ from reobserve import (
     UnscentedKalmanFilter,
     simulate,
 )
-from reobserve.codegen.expressions import Name
-from reobserve.codegen.programs.right_hand_sides import expression
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import kernel
 from reobserve.polynomials.expressions import from_expressions
+from tests.reobserve.codegen.in_c import rows_in_c
 
 Array = NDArray[np.float64]
 
@@ -109,23 +106,9 @@ def test_compiled_code_gives_the_values_of_mpmath() -> None:
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
-def test_exported_code_gives_the_values_of_mpmath(tmp_path: Path) -> None:
-    x = Name("x", (2,))
-    lines = "".join(
-        f'        printf("%.17g\\n", (double)({expression(code, x).inside(())}));\n'
-        for code in codes()
-    )
-    points = ", ".join(f"{{{a!r}, {b!r}}}" for a, b in GRID)
-    (tmp_path / "values.c").write_text(
-        f"#include <math.h>\n#include <stdio.h>\nint main(void) {{\n"
-        f"    const double points[{len(GRID)}][2] = {{{points}}};\n"
-        f"    for (int k = 0; k < {len(GRID)}; ++k) {{\n"
-        f"        const double *x = points[k];\n{lines}    }}\n    return 0;\n}}\n"
-    )
-    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-o", "values"]
-    subprocess.run(["cc", *flags, "values.c", "-lm"], check=True, cwd=tmp_path)
-    done = subprocess.run(["./values"], check=True, cwd=tmp_path, capture_output=True, text=True)
-    agree(done.stdout.split())
+def test_exported_code_gives_the_values_of_mpmath() -> None:
+    function = rows_in_c(list(codes()), 2)
+    agree([function(np.array(point)) for point in GRID])
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ class AdaptiveDesign(BodyDesign):
     system: BodySystem
     gains: AdaptiveGains
 
-    programs: ClassVar = {AdaptiveObserver: "rigid_body:adaptive"}
+    programs: ClassVar = {AdaptiveObserver: "integrating:rigid_body"}
     records: ClassVar = {
         "adaptive": Example(
             "satellite",

@@ -60,7 +60,7 @@ class AugmentedKalmanDesign(FilterDesign):
         "unknown_input": "initial_unknown_input",
         "unknown_input_covariance": "initial_unknown_input_covariance",
     }  # fmt: skip
-    programs: ClassVar = {AugmentedKalmanFilter: "linear:augmented"}
+    programs: ClassVar = {AugmentedKalmanFilter: "filters:filter_program"}
     left_out: ClassVar = (*FilterDesign.left_out, "unknown_input_variance")
     records: ClassVar = {
         "augmented-kalman": Example(

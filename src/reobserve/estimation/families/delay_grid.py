@@ -40,7 +40,7 @@ class DelayGridDesign(FilterDesign):
     system: DelayGridSystem
     gains: None = None
 
-    programs: ClassVar = {GridFilter: "bank:grid"}
+    programs: ClassVar = {GridFilter: "banks:bank_program"}
     left_out: ClassVar = (*FilterDesign.left_out, "covariance", "parameter_variance", "probability")
     records: ClassVar = {
         "delay-grid": Example(

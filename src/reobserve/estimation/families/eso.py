@@ -137,7 +137,7 @@ class EsoDesign(Design):
     system: FaultySystem
     gains: EsoGains
 
-    programs: ClassVar = {ExtendedStateObserver: "eso:extended_state"}
+    programs: ClassVar = {ExtendedStateObserver: "integrating:extended_state_observer"}
     records: ClassVar = {"eso": Example("faulty_motor", _RECORD, _ALARM, _GAINS)}
 
     @classmethod

@@ -66,7 +66,7 @@ class ExtendedHighGainDesign(Design):
     system: DelayedSystem
     gains: ExtendedGains
 
-    programs: ClassVar = {ExtendedHighGainObserver: "extended_high_gain:extended"}
+    programs: ClassVar = {ExtendedHighGainObserver: "delay_observer:extended_high_gain"}
     differentiates: ClassVar[bool] = True
     predicts: ClassVar[str] = "state"
     holds_inputs: ClassVar[bool] = False

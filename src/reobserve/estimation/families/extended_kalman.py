@@ -19,7 +19,7 @@ class ExtendedKalmanDesign(TextFilterDesign):
     gains: None = None
 
     about: ClassVar[str] = "extended Kalman filter"
-    programs: ClassVar = {ExtendedKalmanFilter: "nonlinear:extended"}
+    programs: ClassVar = {ExtendedKalmanFilter: "filters:filter_program"}
     records: ClassVar = {
         "extended-kalman": Example(
             "swing",

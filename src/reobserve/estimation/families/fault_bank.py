@@ -65,7 +65,7 @@ class FaultBankDesign(FilterDesign):
         "fault_covariance": "initial_fault_covariance",
         "rate_covariance": "initial_rate_covariance",
     }
-    programs: ClassVar = {FaultBank: "bank:fault_bank"}
+    programs: ClassVar = {FaultBank: "banks:bank_program"}
     left_out: ClassVar = (
         *FilterDesign.left_out, "covariance", "fault_variance", "fault_rate",
         "fault_rate_variance",

@@ -39,7 +39,7 @@ class HighGainDesign(Design):
     system: TriangularSystem
     gains: HighGain
 
-    programs: ClassVar = {HighGainObserver: "high_gain:standard"}
+    programs: ClassVar = {HighGainObserver: "integrating:standard_high_gain"}
     predicts: ClassVar[str] = "state"
     records: ClassVar = {"high-gain": Example("driven_pendulum", _RECORD)}
 

@@ -75,7 +75,7 @@ class IloDesign(BodyDesign):
     gains: LearningGains
 
     keys: ClassVar = {**BodyDesign.keys, "frequencies": "expected"}
-    programs: ClassVar = {SampledILO: "rigid_body:sampled", ILO: "rigid_body:continuous"}
+    programs: ClassVar = dict.fromkeys((SampledILO, ILO), "integrating:rigid_body")
     records: ClassVar = {
         f"ilo-{variant}": Example("satellite", _RECORD.format(variant, about, body=BODY, K1=K1),
                                   ALARMS)

@@ -106,7 +106,7 @@ class ImmDesign(FilterDesign):
     gains: BankGains
 
     keys: ClassVar = {"probabilities": "initial_probabilities"}
-    programs: ClassVar = {IMM: "bank:bank"}
+    programs: ClassVar = {IMM: "banks:bank_program"}
     left_out: ClassVar = (*FilterDesign.left_out, "covariance")
     records: ClassVar = {
         "imm-kalman": Example(

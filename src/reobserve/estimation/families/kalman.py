@@ -58,7 +58,7 @@ class KalmanDesign(FilterDesign):
     system: KalmanSystem
     gains: KalmanGains | None = None
 
-    programs: ClassVar = {KalmanFilter: "linear:kalman", FixedGainObserver: "linear:fixed_gain"}
+    programs: ClassVar = dict.fromkeys((KalmanFilter, FixedGainObserver), "filters:filter_program")
     records: ClassVar = {
         "kalman": Example(
             "motor", "# Kalman filter.\nobserver:\n  kind: kalman\n" + MOTOR + NOISE,

@@ -9,9 +9,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from reobserve.codegen.expressions import Expression, call
-from reobserve.codegen.program import ONE, ZERO, Program
-from reobserve.codegen.programs.sampling import RowBuffer
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.signals import NamedSignal, numbered, product
@@ -54,38 +51,6 @@ class LevantGains:
     lambdas: list[float] | None = None
 
 
-def program(observer: LevantDifferentiator, state: LevantState | None) -> Program:
-    """The homogeneous discretisation of the differentiator."""
-    step = Program("Robust exact differentiator", 1, 0)
-    begun = observer.init([0.0] * (observer.order + 1)) if state is None else state
-    rows, law, lines = RowBuffer(step, begun), observer._law, observer.order + 1
-    z = step.remember("z", begun.derivatives)
-    factors = step.constant("factor", law.factors)
-    powers = step.constant("power", law.exponents)
-    taylor = step.constant("taylor", law.taylor)
-    if state is None:
-        rows.start_from(z[0], step.y[0])
-    with rows.moves():
-        error = step.let(step.local("error"), z[0] - rows.y_before[0])
-        sign = step.let(step.local("sign"), ZERO)
-        with step.when(f"{error} > 0.0"):
-            step.let(sign, ONE)
-        with step.when(f"{error} < 0.0"):
-            step.let(sign, -ONE)
-        size = step.let(step.local("size"), call("fabs", error))
-        for i in range(lines):
-            more: Expression = call("pow", size, powers[i]) if i + 1 < lines else ONE
-            step.let(size, factors[i] * more)
-            moved: Expression = z[i]
-            for j in range(1, lines - i):
-                moved = moved + taylor[j] * z[i + j]
-            # z[i] is read by no later line.
-            step.let(z[i], moved - taylor[1] * size * sign)
-    step.estimate("derivatives", z)
-    rows.keep()
-    return step
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LevantDesign(Design):
     """A robust exact differentiator."""
@@ -93,7 +58,7 @@ class LevantDesign(Design):
     system: SignalSystem
     gains: LevantGains
 
-    programs: ClassVar = {LevantDifferentiator: program}
+    programs: ClassVar = {LevantDifferentiator: "integrating:differentiator"}
     keys: ClassVar = {"derivatives": "initial_state"}
     predicts: ClassVar[str] = "derivatives"
     records: ClassVar = {"levant": Example("signal", _RECORD)}

@@ -41,7 +41,7 @@ class LuenbergerDesign(FilterDesign):
     system: PlacedSystem
     gains: LuenbergerGains
 
-    programs: ClassVar = {FixedGainObserver: "linear:fixed_gain"}
+    programs: ClassVar = {FixedGainObserver: "filters:filter_program"}
     records: ClassVar = {
         "luenberger": Example(
             "motor", "# A Luenberger observer.\nobserver:\n  kind: luenberger\n" + MOTOR

@@ -110,7 +110,7 @@ class NormalFormDesign(Design):
     gains: NormalFormGains
 
     programs: ClassVar = {
-        IdentityObserver: "normal_form:identity", TransformedObserver: "normal_form:transformed",
+        IdentityObserver: "integrating:identity", TransformedObserver: "integrating:transformed",
     }  # fmt: skip
     records: ClassVar = {
         "normal-form-constant": Example("pendulum", _record("of constant gain", """\

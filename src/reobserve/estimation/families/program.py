@@ -55,4 +55,5 @@ def program_of(
         module, _, function = make.partition(":")
         make = getattr(import_module(f"reobserve.codegen.programs.{module}"), function)
     made: Program = make(observer, begun, sizes) if own.differentiates else make(observer, begun)
+    _ = made.code  # raises here what cannot be exported
     return made

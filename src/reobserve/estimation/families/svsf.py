@@ -32,7 +32,7 @@ class SvsfDesign(FilterDesign):
     system: NoisySystem
     gains: SwitchingGains
 
-    programs: ClassVar = {SmoothVariableStructureFilter: "linear:smooth"}
+    programs: ClassVar = {SmoothVariableStructureFilter: "filters:filter_program"}
     records: ClassVar = {
         "svsf": Example(
             "motor", "# Smooth variable structure filter.\nobserver:\n  kind: svsf\n"

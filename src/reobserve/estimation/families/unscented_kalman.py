@@ -28,7 +28,7 @@ class UnscentedKalmanDesign(TextFilterDesign):
     gains: SigmaPointGains
 
     about: ClassVar[str] = "unscented Kalman filter"
-    programs: ClassVar = {UnscentedKalmanFilter: "nonlinear:unscented"}
+    programs: ClassVar = {UnscentedKalmanFilter: "filters:filter_program"}
     records: ClassVar = {
         "unscented-kalman": Example(
             "swing",
