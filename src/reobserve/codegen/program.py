@@ -72,8 +72,12 @@ class Code:
         self._add("estimate", program.estimates)
         self._add("memory", program.memory)
         self._add("work", program.scratch)
-        self.translator = translator = Translator(self._view)
-        self.step = translator.entry(program.step, program.arguments)
+        known, alone, before = [*self._known], dict[Any, set[int]](), None
+        while alone != before:
+            self._known, before = [*known], alone
+            self.translator = translator = Translator(self._view, alone)
+            self.step = translator.entry(program.step, program.arguments)
+            alone = translator.alone()
         self.storages["constant"] = translator.constants
         self._routines = translator.routines
         self.needed = Needed(self._routines, {*self.storages["estimate"]})

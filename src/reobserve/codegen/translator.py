@@ -13,7 +13,7 @@ import builtins
 import inspect
 import math
 import operator
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cache
@@ -134,11 +134,13 @@ def plain(function: Any) -> Any:
 class Translator:
     """Functions of C, made as they are called, the outermost first.
 
-    ``arrays`` finds the view of an array of Python.
+    ``view`` finds the view of an array of Python. ``alone`` are the arguments of functions that are
+    the same array at all calls, as `alone` found them before: they stand where they are.
     """
 
-    def __init__(self, view: Callable[[Any, str], View]) -> None:
-        self.view = view
+    def __init__(self, view: Callable[[Any, str], View], alone: Mapping[Any, set[int]]) -> None:
+        self.view, self.given = view, alone
+        self.arrays: dict[Any, list[set[Any]]] = {}  # that functions are called with
         self.routines: list[Routine] = []
         self.names: set[str] = {*RESERVED}  # of functions and constants
         self.locals: set[str] = set()  # of all functions
@@ -154,7 +156,7 @@ class Translator:
         values = [self.value(argument, name) for argument, name in pairs]
         routine = Routine("step", "")
         body = Body(self, routine, function.__globals__, equations, (file, first), tree)
-        body.translated(values, outermost=True)
+        body.translated(values, None)
         self.routines.append(routine)
         return routine
 
@@ -204,13 +206,28 @@ class Translator:
         self.helpers[name] = f"typedef struct {{\n{fields}}} {name};\n\n"
         return name
 
-    def called(self, function: Any, name: str, values: list[Any]) -> tuple[Routine, Any, list[Any]]:
+    def called(
+        self, function: Any, name: str, values: list[Any]
+    ) -> tuple[Routine, Result, list[Any]]:
         """The routine of a function for such arguments, what it returns, and what it is handed."""
         handed: list[Any] = []
         key = (self._identity(function), tuple(self._key(value, handed) for value in values))
+        arrays = self.arrays.setdefault(key, [set() for _ in handed])
+        for known, value in zip(arrays, handed, strict=True):
+            known.add(_fixed(value) if _stands(value) else None)
+        fixed = self.given.get(key, set())
         if key not in self._made:
-            self._made[key] = self._translated(function, name, values)
-        return *self._made[key], handed
+            self._made[key] = self._translated(function, name, values, fixed)
+        return *self._made[key], [v for place, v in enumerate(handed) if place not in fixed]
+
+    def alone(self) -> dict[Any, set[int]]:
+        """The places of arguments, among those handed over, that are the same at all calls."""
+        return {
+            key: {
+                place for place, known in enumerate(arrays) if len(known) == 1 and None not in known
+            }
+            for key, arrays in self.arrays.items()
+        }
 
     def _identity(self, function: Any) -> Any:
         rows = _rows_of(function)
@@ -225,23 +242,13 @@ class Translator:
             handed.append(value)
             storage = value.storage
             return "view", value.shape, value.strides, storage.integer, repr(value.uniform)
-        if isinstance(value, tuple):
-            if hasattr(value, "_fields"):
-                return "tuple", type(value), tuple(self._fixed(part) for part in value)
-            return "tuple", tuple(self._key(part, handed) for part in value)
-        return self._fixed(value)
+        if isinstance(value, tuple) and not _stands(value):
+            return type(value), tuple(self._key(part, handed) for part in value)
+        return _fixed(value)
 
-    def _fixed(self, value: Any) -> Any:
-        if isinstance(value, View):
-            terms = tuple((index.text, stride) for index, stride in value.terms)
-            return id(value.storage), value.start, value.shape, value.strides, terms
-        if isinstance(value, tuple):
-            return type(value), tuple(map(self._fixed, value))
-        if isinstance(value, int | float | str | None):
-            return type(value), repr(value)
-        return id(value)
-
-    def _translated(self, function: Any, name: str, values: list[Any]) -> tuple[Routine, Any]:
+    def _translated(
+        self, function: Any, name: str, values: list[Any], fixed: set[int]
+    ) -> tuple[Routine, Result]:
         rows = _rows_of(function)
         if rows is not None:
             tree, scope = _text_function(rows)
@@ -258,9 +265,30 @@ class Translator:
             scope = {**inner.__globals__, **inspect.getclosurevars(inner).nonlocals}
         about = (ast.get_docstring(tree) or "").split("\n")[0]
         routine = Routine(self.name(name), about)
-        result = Body(self, routine, scope, equations, (place, first), tree).translated(values)
+        result = Body(self, routine, scope, equations, (place, first), tree).translated(
+            values, fixed
+        )
         self.routines.append(routine)
         return routine, result
+
+
+def _stands(value: Any) -> bool:
+    """True for arrays that are in the same place for all functions, and named tuples of these."""
+    if isinstance(value, tuple):
+        return hasattr(value, "_fields") and all(
+            _stands(part) or not isinstance(part, Number | View | tuple) for part in value
+        )
+    inner = isinstance(value, View) and value.storage.where not in ("local", "parameter")
+    return inner and not value.terms
+
+
+def _fixed(value: Any) -> Any:
+    """A value that a routine is made for, to be compared."""
+    if isinstance(value, View):
+        return value.storage.where, value.storage.name, value.start, value.shape, value.strides
+    if isinstance(value, tuple):
+        return type(value), tuple(map(_fixed, value))
+    return (type(value), repr(value)) if isinstance(value, int | float | str | None) else id(value)
 
 
 def _rows_of(function: Any) -> tuple[str, ...] | None:
@@ -306,6 +334,7 @@ class Body:
         counts += [one.arg for one in tree.args.args]
         self.again = {name for name in counts if counts.count(name) > 1}
         self.returned: list[Any] = []
+        self.handed = 0
         # Of the loops around, their statements if they are run through here, else None.
         self.once: list[list[ast.stmt] | None] = []
         self.loop_depth: list[int] = []
@@ -316,38 +345,43 @@ class Body:
 
     # --- The whole ---
 
-    def translated(self, values: list[Any], outermost: bool = False) -> Result:
-        """Translate the function for its arguments."""
+    def translated(self, values: list[Any], fixed: set[int] | None) -> Result:
+        """Translate the function for its arguments, of which those that are ``fixed``, or all of
+        them, stand where they are.
+        """
         names = [one.arg for one in self.tree.args.args]
         defaults = dict(zip(names[::-1], self.tree.args.defaults[::-1], strict=False))
         for place, name in enumerate(names):
             value = values[place] if place < len(values) else self.expression(defaults[name])
-            self.env[name] = value if outermost else self._parameter(name, value)
+            self.env[name] = value if fixed is None else self._parameter(name, value, fixed)
         with suppress(_OverError):
             self.statements(self.tree.body)
         self.routine.writes -= {one for one in self.routine.writes if one.where == "local"}
-        return self._result(outermost)
+        return self._result(fixed is None)
 
-    def _parameter(self, name: str, value: Any, whole: str = "") -> Any:
+    def _parameter(self, name: str, value: Any, fixed: set[int], whole: str = "") -> Any:
+        if isinstance(value, tuple) and not _stands(value):
+            names = getattr(value, "_fields", range(len(value)))
+            pairs = zip(value, names, strict=True)
+            parts = [self._parameter(f"{name}_{i}", p, fixed, whole or name) for p, i in pairs]
+            return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+        if not isinstance(value, Number | View):
+            return value
+        self.handed += 1
+        if self.handed - 1 in fixed:
+            return value
         if isinstance(value, Number):
             variable = Variable(self._named(name), value.kind, parameter=True)
             self.variables[name, value.kind, whole or name] = variable
             self.spelled[name, value.kind] = variable.name
             self.routine.parameters.append(variable)
             return self._number(variable, value.natural)
-        if isinstance(value, View):
-            size = max([1, *(s * (n - 1) + 1 for n, s in zip(value.shape, value.strides,
-                                                             strict=True))])  # fmt: skip
-            storage = Storage(
-                self._named(name), "parameter", (size,), value.storage.integer,
-                uniform=value.uniform,
-            )  # fmt: skip
-            self.routine.parameters.append(storage)
-            return View(storage, value.shape, value.strides)
-        if isinstance(value, tuple) and not hasattr(value, "_fields"):
-            parts = enumerate(value)
-            return tuple(self._parameter(f"{name}_{i}", part, whole or name) for i, part in parts)
-        return value
+        storage = Storage(
+            self._named(name), "parameter", (value.span,), value.storage.integer,
+            uniform=value.uniform,
+        )  # fmt: skip
+        self.routine.parameters.append(storage)
+        return View(storage, value.shape, value.strides)
 
     def _result(self, outermost: bool) -> Result:
         routine, found = self.routine, self.returned

@@ -107,6 +107,11 @@ class View:
         return replace(self, shape=shape, strides=self.strides[:axis] + self.strides[axis + 1 :])
 
     @property
+    def span(self) -> int:
+        """The number of entries from its first one to behind its last."""
+        return 1 + sum(s * max(n - 1, 0) for n, s in zip(self.shape, self.strides, strict=True))
+
+    @property
     def reads(self) -> Reads:
         """What its place depends on."""
         return union(index.reads for index, _ in self.terms)
@@ -140,17 +145,18 @@ class View:
         return f"&{self.entry().text}"
 
     def _index(self) -> str:
-        shape, left = self.storage.shape, self.start
-        strides = row_strides(shape)
-        if all(stride in strides for _, stride in self.terms):
-            text = ""
-            for stride in strides:
-                own = [index.within(SUM) for index, step in self.terms if step == stride]
-                constant, left = divmod(left, stride)
-                text += f"[{' + '.join([*own, *([str(constant)] if constant or not own else [])])}]"
-            return text
-        parts = [n.within(SUM) if s == 1 else f"{n.within(PRODUCT)} * {s}" for n, s in self.terms]
-        return "[0]" * (len(shape) - 1) + f"[{' + '.join(parts + [str(left)] * (left > 0))}]"
+        left, terms, text = self.start, list(self.terms), ""
+        for stride in row_strides(self.storage.shape):
+            # As often as an index moves along this axis; the rest moves along the next ones.
+            counted = [(index, *divmod(step, stride)) for index, step in terms]
+            terms = [(index, rest) for index, _, rest in counted if rest]
+            parts = [
+                index.within(SUM) if times == 1 else f"{index.within(PRODUCT)} * {times}"
+                for index, times, _ in counted if times
+            ]  # fmt: skip
+            constant, left = divmod(left, stride)
+            text += f"[{' + '.join(parts + [str(constant)] * (constant > 0 or not parts))}]"
+        return text
 
 
 def row_strides(shape: tuple[int, ...]) -> tuple[int, ...]:

@@ -222,6 +222,8 @@ def _turned(
     run: Any, front: Any, w: Array, held: Array, phase: Array, delay: int | None, step: Any,
     first: Any, fresh: bool,
 ) -> bool:  # fmt: skip
+    for i in range(3):
+        step[1].fault[1, i] = 0.0  # where the loop ends before it
     if delay is None:
         good: bool = run(*front, w, held, *step) == 2
     else:
