@@ -88,7 +88,7 @@ def test_following_the_page_adds_an_observer_to_all_commands(tmp_path: Path) -> 
         reported = run_in(tmp_path, source, "-m", *typed.split())
         if "--out motor.json" in typed:
             assert "clipped from 10 deviations on" in reported
-    assert "Kalman filter with clipped corrections" in (tmp_path / "code/motor.c").read_text()
+    assert "static void clipped_gain(" in (tmp_path / "code/motor.c").read_text()
     with (tmp_path / "estimates.csv").open(newline="") as stream:
         titles, *rows = csv.reader(stream)
     with (tmp_path / "record.csv").open(newline="") as stream:

@@ -122,10 +122,10 @@ class Code:
         return "".join([*needed, functions]), step
 
 
-def leaves(*trees: Any) -> dict[str, Array]:
+def leaves(**trees: Any) -> dict[str, Array]:
     """The arrays in tuples in tuples, by the last of the names that lead to them."""
     found: dict[str, Array] = {}
-    for path, array in _leaves(trees, "scratch"):
+    for path, array in (leaf for name, tree in trees.items() for leaf in _leaves(tree, name)):
         free = next(name for name in _numbered(path) if name not in found)
         found[free] = array
     return found
@@ -148,7 +148,7 @@ def _leaves(tree: Any, path: str) -> Iterator[tuple[str, Array]]:
 def reported(found: Mapping[str, Array], rows: Any) -> tuple[dict[str, Array], Any]:
     """Arrays of estimates: those where they are found, or others, and what is copied to these."""
     estimates, copies = dict[str, Array](), []
-    whole = {(byte_bounds(array), array.size) for array in leaves(rows).values()}
+    whole = {(byte_bounds(array), array.size) for array in leaves(rows=rows).values()}
     for name, array in found.items():
         estimates[name], place = array, (byte_bounds(array), array.size)
         if place in whole:
@@ -169,8 +169,8 @@ def report(copies: tuple[tuple[Array, Array], ...]) -> None:
 
 def finite(arrays: tuple[Array, ...]) -> bool:
     """True if all numbers of vectors are finite."""
-    total = 0.0
     for array in arrays:
         for value in array:
-            total += value
-    return math.isfinite(total)
+            if not math.isfinite(value):
+                return False
+    return True

@@ -123,12 +123,9 @@ def _source(function: Callable[..., Any]) -> tuple[ast.FunctionDef, dict[int, st
 
 
 def plain(function: Any) -> Any:
-    """The Python function behind a kernel, or the function itself."""
-    for name in ("py_func", "_function", "_pyfunc"):
-        inner = getattr(function, name, None)
-        if inner is not None and not hasattr(function, "pickled"):
-            return inner
-    return function
+    """The Python function behind a kernel or a pointer, or the function itself."""
+    names = ("source",) if hasattr(function, "pickled") else ("py_func", "_function", "_pyfunc")
+    return next((getattr(function, name) for name in names if hasattr(function, name)), function)
 
 
 class Translator:
@@ -199,6 +196,11 @@ class Translator:
         self.constants.append(storage)
         return storage
 
+    def rename(self, storage: Storage, name: str) -> None:
+        """Call a constant that had no name by that of the argument which it is first."""
+        if storage.where == "constant" and storage.name.endswith("_table"):
+            storage.name = self.name(f"{name}_values")
+
     def structure(self, kinds: list[str]) -> str:
         """The type of several numbers."""
         name = "numbers_" + "".join(kind[0] for kind in kinds)
@@ -257,7 +259,7 @@ class Translator:
             first = 0
         else:
             inner = plain(function)
-            if not inspect.isfunction(inner) or getattr(function, "pickled", None) is not None:
+            if not inspect.isfunction(inner):
                 problem = f"of a model with {name} as a function cannot be exported"
                 raise InputError("observer", f"{problem}; give it as text")
             name = inner.__name__
@@ -285,7 +287,7 @@ def _stands(value: Any) -> bool:
 def _fixed(value: Any) -> Any:
     """A value that a routine is made for, to be compared."""
     if isinstance(value, View):
-        return value.storage.where, value.storage.name, value.start, value.shape, value.strides
+        return value.storage.where, value.storage.key, value.start, value.shape, value.strides
     if isinstance(value, tuple):
         return type(value), tuple(map(_fixed, value))
     return (type(value), repr(value)) if isinstance(value, int | float | str | None) else id(value)
@@ -369,6 +371,8 @@ class Body:
             return value
         self.handed += 1
         if self.handed - 1 in fixed:
+            if isinstance(value, View) and not whole:
+                self.of.rename(value.storage, name)
             return value
         if isinstance(value, Number):
             variable = Variable(self._named(name), value.kind, parameter=True)
@@ -493,9 +497,12 @@ class Body:
             raise _OverError(word)
 
     def _do_Assign(self, node: ast.Assign) -> None:
-        names = [target.id for target in node.targets if isinstance(target, ast.Name)]
-        hint = names[0] if len(names) == len(node.targets) == 1 else ""
-        value = self.expression(node.value, whole=True, hint=hint)
+        first = node.targets[0]
+        if isinstance(first, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            value: Any = self._several(node.value, True, [ast.unparse(one) for one in first.elts])
+        else:
+            hint = first.id if isinstance(first, ast.Name) else ""
+            value = self.expression(node.value, whole=True, hint=hint)
         if len(node.targets) > 1 or isinstance(node.targets[0], ast.Tuple):
             value = self._apart(value, node.targets)
         for target in node.targets:
@@ -836,7 +843,7 @@ class Body:
         if isinstance(node, ast.UnaryOp):
             return self._signed(node, whole)
         if isinstance(node, ast.Tuple):
-            return self._several(node, whole)
+            return self._several(node, whole, [""] * len(node.elts))
         if isinstance(node, ast.Compare):
             return self._compare(node, whole)
         method = getattr(self, f"_of_{type(node).__name__}", None)
@@ -865,12 +872,13 @@ class Body:
         found = getattr(value, node.attr)
         return found.item() if isinstance(found, np.generic) else found
 
-    def _several(self, node: ast.Tuple, whole: bool) -> tuple[Any, ...]:
+    def _several(self, node: ast.Tuple, whole: bool, hints: list[str]) -> tuple[Any, ...]:
         values: list[Any] = []
-        for each in node.elts:
+        for each, hint in zip(node.elts, hints, strict=False):
             # What a call writes must not have been read before it.
             read = [v for v in values if isinstance(v, Number) and v.reads]
-            values.append(self.expression(each, whole and not read))
+            name = hint if hint.isidentifier() and hint != "_" else ""
+            values.append(self.expression(each, whole and not read, name))
         return tuple(values)
 
     def _of_Subscript(self, node: ast.Subscript) -> Any:
@@ -1138,10 +1146,10 @@ class Body:
             inner = node.args[0]
             name = inner.attr if isinstance(inner, ast.Attribute) else getattr(inner, "id", "")
             function, given = given[0], list(given[1])
-        known = self._known_function(function, given)
+        known = self._known_function(function, given, hint)
         return self._of_routine(function, name, given, whole, hint) if known is None else known
 
-    def _known_function(self, function: Any, given: list[Any]) -> Any:
+    def _known_function(self, function: Any, given: list[Any], hint: str) -> Any:
         """The value of a function of Python, math or numpy, or None for any other."""
         if function is len:
             value = given[0]
@@ -1156,7 +1164,7 @@ class Body:
             shape = given[0] if isinstance(given[0], tuple) else (given[0],)
             if not all(isinstance(size, int) for size in shape):
                 self.refuse("an array whose shape is not known here")
-            name = self._named("scratch")
+            name = self._named(hint or "local")
             storage = Storage(name, "local", tuple(shape))
             self.emit(Table(storage))
             return storage.view()

@@ -59,6 +59,9 @@ class Storage:
     uniform: float | None = None
     scalar: bool = False
 
+    def __post_init__(self) -> None:
+        self.key = self.name  # which stays when it is named otherwise
+
     @property
     def kind(self) -> str:
         """The type of an entry."""

@@ -209,7 +209,9 @@ class GuardedPointer(FunctionPointer):
     def compiled(self) -> Any:
         """The pointer, as `loop_pointer` makes it."""
         inner = cached_inner(self._signature, self._function, boundscheck=True)
-        return loop_pointer(self._signature, inner, self._again)
+        pointer = loop_pointer(self._signature, inner, self._again)
+        pointer.source = self._function  # for those who translate it
+        return pointer
 
     def _again(self, *given: Array) -> None:
         try:

@@ -24,7 +24,9 @@ Array = NDArray[Any]
 def in_c(function: Any, x: Array, out: Array, *more: Any) -> Callable[[Array], Array]:
     """``function(x, out, *more)``, which writes ``out`` and returns 0 or 1, as a function of x."""
     arguments = (x, out, *more)
-    program = Program("Test", function, arguments, x, np.empty(0), {}, {"out": out}, leaves(*more))
+    program = Program(
+        "Test", function, arguments, x, np.empty(0), {}, {"out": out}, leaves(more=more)
+    )
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "f.h").write_text(
             c_code.header(program, "f", ("", ""), "", 1.0), encoding="utf-8"

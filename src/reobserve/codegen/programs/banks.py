@@ -55,7 +55,7 @@ def bank_program(observer: IMM, state: ImmState) -> Program:
     return Program(
         TITLES[type(observer).__name__], _step,
         (y, u, past, started, late, fed, bank, gain, after, work, rows, parameter, copies),
-        y, u, memory, estimates, leaves(work, rows, fed),
+        y, u, memory, estimates, leaves(work=work, rows=rows, fed=fed),
     )  # fmt: skip
 
 

@@ -55,7 +55,7 @@ def extended_high_gain(
     )  # fmt: skip
     return Program(
         "Extended high-gain observer", _step, arguments, y, u, memory, estimates,
-        leaves(now, table, path, off), {"switched_off": 1.0},
+        leaves(now=now, table=table, path=path, off=off), {"switched_off": 1.0},
     )  # fmt: skip
 
 

@@ -52,11 +52,11 @@ def filter_program(observer: GaussianFilter, state: KalmanState) -> Program:
         for name, values in found.items() if not name.endswith("covariance")
     }, rows)  # fmt: skip
     return Program(
-        TITLES[type(observer).__name__], _step,
+        TITLES.get(type(observer).__name__, type(observer).__name__), _step,
         (y, u, inputs, started.reshape(1), run, (model, None, *before), after, rows, work, ends,
          alone, copies),
         y, u, {**after._asdict(), "inputs": inputs, "started": started}, estimates,
-        leaves(rows, work, ends),
+        leaves(rows=rows, work=work, ends=ends),
     )  # fmt: skip
 
 

@@ -35,7 +35,7 @@ class Rows:
 
     def program(
         self, title: str, move: Any, begin: Any, given: tuple[Any, ...], held: Mapping[str, Array],
-        found: Mapping[str, Array], scratch: Any = (), checked: tuple[Array, ...] = (),
+        found: Mapping[str, Array], scratch: Mapping[str, Any], checked: tuple[Array, ...] = (),
     ) -> Program:  # fmt: skip
         """The program whose memory ``held`` is moved from row to row, and begun at the first."""
         estimates, copies = reported(found, ())
@@ -45,7 +45,7 @@ class Rows:
             title, _step,
             (self.y, self.u, self.started, *before, self.all, move, begin, given, checked, copies),
             self.y, self.u, {**held, **self.memory, "started": self.started}, estimates,
-            leaves(self.all, *scratch),
+            leaves(rows=self.all, **scratch),
         )  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def differentiator(
     given = z, path, levant._run, (observer._law, rows.all[::2, 0], path)
     return rows.program(
         "Robust exact differentiator", _along, _from_first if state is None else None, given,
-        {"derivatives": z}, {"derivatives": z}, (path,),
+        {"derivatives": z}, {"derivatives": z}, {"path": path},
     )  # fmt: skip
 
 
@@ -103,7 +103,9 @@ def standard_high_gain(
         model.drift, model.input_gain, model.parameters, observer.gain, observer.sampling_period,
         record, path,
     )  # fmt: skip
-    return rows.program("High-gain observer", _along, None, given, {"x": x}, {"state": x}, (path,))
+    return rows.program(
+        "High-gain observer", _along, None, given, {"x": x}, {"state": x}, {"path": path}
+    )
 
 
 def identity(
@@ -116,7 +118,9 @@ def identity(
     known = rows.all, rows.all
     given = x, path, normal_form._run_identity, (law, work, observer.sampling_period, *known, path)
     title = f"Normal-form observer of order {observer.order}"
-    return rows.program(title, _along, None, given, {"x": x}, {"state": x}, (path, work))
+    return rows.program(
+        title, _along, None, given, {"x": x}, {"state": x}, {"path": path, "work": work}
+    )
 
 
 def transformed(
@@ -133,7 +137,7 @@ def transformed(
     title = f"Normal-form observer of order {observer.order}, transformed"
     return rows.program(
         title, _along_transformed, _transform, given, {"z": z}, {"state": x[0], "coordinates": z},
-        (path, *work, x),
+        {"path": path, "monomials": work[0], "injected": work[1], "x": x},
     )  # fmt: skip
 
 
@@ -153,7 +157,13 @@ def extended_state_observer(
     }  # fmt: skip
     found = {name: values for name, values in found.items() if len(values)}
     return rows.program(
-        "Extended state observer", _known_along, None, given, {"z": z}, found, (path, known)
+        "Extended state observer",
+        _known_along,
+        None,
+        given,
+        {"z": z},
+        found,
+        {"path": path, "known": known},
     )
 
 
@@ -181,7 +191,7 @@ def rigid_body(observer: Any, state: Any) -> Program:
     )  # fmt: skip
     return rows.program(
         title, _turned, _first_turned, given, {"w": w, name: held, "phase": phase},
-        {"rate": w, "fault": found.fault[1]}, (found,), (w, found.fault[1]),
+        {"rate": w, "fault": found.fault[1]}, {"found": found}, (w, found.fault[1]),
     )  # fmt: skip
 
 
