@@ -21,6 +21,9 @@ from tests.reobserve.observers.small_plants import pendulum
 
 SIGNALS = ("as measured", "as applied")
 
+OTHERS = ("c++", "clang", "clang++")
+WARNED = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+
 # Flags common in embedded software, in addition to the printed ones.
 STRICT = [
     "-Wconversion",
@@ -94,6 +97,10 @@ def test_c_code_compiles_without_warning_and_is_bitwise_equal_to_the_library(
     command = c_test.COMPILE.format(name=c).split()
     done = ran(folder, *command, *STRICT, "-O2", "-ffp-contract=off", "-o", c)
     assert (done.returncode, done.stderr) == (0, "")
+    for compiler in filter(shutil.which, OTHERS):
+        kind = ["-x", "c++", "-std=c++11"] if compiler.endswith("++") else ["-std=c99"]
+        read = ran(folder, compiler, *kind, *WARNED, *STRICT[:3], "-fsyntax-only", f"{c}.c")
+        assert (read.returncode, read.stderr) == (0, ""), compiler
     source = (folder / f"{c}.c").read_text()
     assert not {"malloc", "free(", "while", "goto"} & set(re.sub(r"/\*.*?\*/", "", source).split())
     assert source.count("#include") == 2  # its own header, and that of mathematics
