@@ -33,7 +33,7 @@ class Statement:
 
 @dataclass(eq=False)
 class Comment(Statement):
-    """What stands above the next statement."""
+    """A comment above the next statement."""
 
     text: str
 
@@ -108,7 +108,7 @@ class Call:
 
     @property
     def token(self) -> str:
-        """What stands for it in a text."""
+        """The characters that stand for it in a text."""
         return f"\x01{id(self)}\x02"
 
 
@@ -128,12 +128,12 @@ class Routine:
 
     @property
     def result(self) -> tuple[Routine, str]:
-        """What a caller reads of it."""
+        """The key of its result among what is needed."""
         return self, "result"
 
 
 class Needed:
-    """What of some functions the results of the last depend on; marks the live statements."""
+    """All that the results of the last of some functions depend on; it marks live statements."""
 
     def __init__(self, routines: list[Routine], wanted: set[Storage]) -> None:
         self.keys: set[Hashable] = {*wanted, routines[-1].result}
@@ -266,7 +266,7 @@ class Text:
         return parameter in self.needed.keys or parameter in routine.effects
 
     def _keys(self, keys: Iterable[Hashable]) -> Iterator[Hashable]:
-        """What is read, also by the arguments of calls."""
+        """All that is read, also by the arguments of calls."""
         for key in keys:
             yield key
             if isinstance(key, Call):
@@ -278,7 +278,7 @@ class Text:
                             yield argument.storage
 
     def _used(self, one: Statement) -> set[Hashable]:
-        """What a statement reads or writes, without what stands inside it."""
+        """All that a statement reads or writes, without what stands inside it."""
         if isinstance(one, Jump) and (one.routine is None or not self._is_read(one.routine)):
             return set()
         target = one.target if isinstance(one, Assign) else self._assigned(one)
@@ -439,7 +439,7 @@ def walk(block: Block) -> Iterator[Any]:
 
 
 def reads_of(one: Any) -> Reads:
-    """What a statement reads, without what stands inside it."""
+    """All that a statement reads, without what stands inside it."""
     if isinstance(one, Assign | For):
         return one.reads
     if isinstance(one, If):

@@ -118,7 +118,7 @@ def _source(function: Callable[..., Any]) -> tuple[ast.FunctionDef, dict[int, st
     equations, own = {}, [line.strip() for line in text.splitlines()]
     for place, line in enumerate(own):
         if line.startswith("# ") and "=" in line and "numba" not in line:
-            equations[place + 2] = line[2:]
+            equations[place + 2] = line[2:].replace("*/", "* /")
     return tree, equations, inspect.getsourcefile(function) or "", first
 
 
@@ -236,7 +236,7 @@ class Translator:
         return rows if rows is not None else plain(function)
 
     def _key(self, value: Any, handed: list[Any]) -> Any:
-        """What of an argument a routine is made for; the rest is ``handed`` over."""
+        """The part of an argument that a routine is made for; the rest is ``handed`` over."""
         if isinstance(value, Number):
             handed.append(value)
             return "number", value.kind, value.natural
@@ -311,7 +311,7 @@ def _text_function(rows: tuple[str, ...]) -> tuple[ast.FunctionDef, dict[str, An
 
 @dataclass(frozen=True)
 class Result:
-    """What a call stands for: a constant, the ``parameter`` of that number, or what it returns."""
+    """A constant, the ``parameter`` of that number, or that a call returns what is not known."""
 
     constant: bool = False
     value: Any = None
@@ -470,9 +470,6 @@ class Body:
             return
         self.expression(node.value, whole=True)
 
-    def _do_Pass(self, node: ast.Pass) -> None:
-        pass
-
     def _do_Return(self, node: ast.Return) -> None:
         value = None if node.value is None else self.expression(node.value, whole=True)
         jump = Jump("return", (), self.routine)
@@ -482,19 +479,16 @@ class Body:
         if not self.depth:
             raise _OverError("return")
 
-    def _do_Break(self, node: ast.Break) -> None:
-        self._leave("break")
-
-    def _do_Continue(self, node: ast.Continue) -> None:
-        self._leave("continue")
-
-    def _leave(self, word: str) -> None:
+    def _do_Break(self, node: ast.Break | ast.Continue) -> None:
+        word = type(node).__name__.lower()
         if self.once[-1] is None:
             self.emit(Jump(word))
         elif self.depth > self.loop_depth[-1]:
             self.refuse(f"{word} under a condition in a loop that is written out")
         if self.depth == self.loop_depth[-1]:
             raise _OverError(word)
+
+    _do_Continue = _do_Break  # noqa: N815
 
     def _do_Assign(self, node: ast.Assign) -> None:
         first = node.targets[0]
@@ -577,31 +571,38 @@ class Body:
         if name == "_":
             return
         known = self.env.get(name)
-        if isinstance(value, tuple) and not hasattr(value, "_fields"):
-            parts = [self._assigned(f"{name}_{i}", name, part) for i, part in enumerate(value)]
-            self.env[name] = tuple(parts)
-        elif isinstance(value, View) and self.depth and isinstance(known, View) and known != value:
-            if name in self.loops_change:
-                self.refuse(f"{name} stands for another array from one repetition to the next")
-            self.env[name] = value
-        else:
-            self.env[name] = self._assigned(name, name, value)
+        moves = isinstance(value, View) and isinstance(known, View) and known != value
+        if moves and name in self.loops_change:
+            self.refuse(f"{name} stands for another array from one repetition to the next")
+        self.env[name] = self._assigned(name, name, value)
 
-    def _assigned(self, name: str, whole: str, value: Any) -> Any:
-        if isinstance(value, bool | int | float) and self.depth and whole in self.again:
-            value = number(value)
+    def _assigned(self, name: str, whole: str, value: Any, *, changes: bool = False) -> Any:
+        """Bind a value: to a variable, if it is no constant or ``changes`` later."""
         if isinstance(value, tuple) and not hasattr(value, "_fields"):
-            return tuple(self._assigned(f"{name}_{i}", whole, p) for i, p in enumerate(value))
+            parts = enumerate(value)
+            return tuple(
+                self._assigned(f"{name}_{i}", whole, part, changes=changes) for i, part in parts
+            )
+        changes = changes or (self.depth > 0 and whole in self.again)
+        if isinstance(value, bool | int | float) and changes:
+            value = number(value)
+        if isinstance(value, View):
+            terms = tuple((self._steady(index), step) for index, step in value.terms)
+            return replace(value, terms=terms)
         if not isinstance(value, Number):
             return value
-        kind = value.kind
-        known = self.variables.get((name, "double", whole))
-        if known is not None and kind == "int32_t" and (name, kind, whole) not in self.variables:
-            kind, value = "double", double(value)
-        variable = self._variable(name, kind, whole)
+        if (name, "double", whole) in self.variables and value.kind == "int32_t":
+            value = value if (name, value.kind, whole) in self.variables else double(value)
+        variable = self._variable(name, value.kind, whole)
         if value.text != variable.name:
             self.emit(Assign(variable, variable.name, "=", value.text, value.reads))
-        return self._number(variable, value.natural and not (self.depth and whole in self.again))
+        return self._number(variable, value.natural and not changes)
+
+    def _steady(self, index: Number) -> Number:
+        """An index of a view that stays what it is."""
+        moving = {one for key, one in self.variables.items() if key[2] in self.again}
+        stays = all(isinstance(one, Variable) and one not in moving for one in index.reads)
+        return index if stays else self._kept(index, "place")
 
     def _variable(self, name: str, kind: str, whole: str = "") -> Variable:
         key = (name, kind, whole or name)
@@ -624,6 +625,8 @@ class Body:
         name = node.target.id
         known = self.env[name]
         result = self._joined(node.op, known, value)
+        if isinstance(known, Number) and known.text in self.open_loops:
+            self.refuse(f"a change of {name}, the variable of a loop")
         simple = isinstance(known, Number) and isinstance(result, Number)
         if simple and result.kind == known.kind and sign in ("+", "-", "*", "/"):
             (variable,) = known.reads
@@ -663,10 +666,10 @@ class Body:
                 except _OverError:
                     over = True
             self.depth -= 1
-            over = over or _ends(blocks[-1])
-            envs.append(None if over else self.env)
+            if not over and not any(isinstance(one, Jump) for one in blocks[-1].statements):
+                envs.append(self.env)
         self.emit(If(condition, *blocks))
-        self.env = self._merged(before, [env for env in envs if env is not None])
+        self.env = self._merged(before, envs)
 
     def _merged(self, before: dict[str, Any], after: list[dict[str, Any]]) -> dict[str, Any]:
         """The names after branches: those that stand for the same in all of them."""
@@ -686,24 +689,7 @@ class Body:
     def _demote(self, nodes: Iterable[ast.AST]) -> None:
         """Make variables of what statements under conditions assign."""
         for name in sorted(_changed(nodes) & self.env.keys()):
-            self.env[name] = self._variables_of(name, name, self.env[name])
-
-    def _variables_of(self, name: str, whole: str, value: Any) -> Any:
-        if isinstance(value, tuple) and not hasattr(value, "_fields"):
-            parts = enumerate(value)
-            return tuple(self._variables_of(f"{name}_{i}", whole, part) for i, part in parts)
-        if isinstance(value, bool | int | float):
-            value = number(value)
-        if not isinstance(value, Number):
-            return value
-        own = self.variables.get((name, value.kind, whole))
-        if value.reads in ({own}, set()) and own is not None and value.text == own.name:
-            return Number(value.text, value.kind, ATOM, value.reads)
-        variable = self._variable(name, value.kind, whole)
-        self.emit(Assign(variable, variable.name, "=", value.text, value.reads))
-        return self._number(variable)
-
-    loops_change: frozenset[str] = frozenset()
+            self.env[name] = self._assigned(name, name, self.env[name], changes=True)
 
     def _do_For(self, node: ast.For) -> None:
         if node.orelse:
@@ -723,11 +709,8 @@ class Body:
         start, stop, step = over
         if isinstance(start, int) and isinstance(stop, int):
             places = range(start, stop, step)
-            if (
-                not places
-                or (len(places) == 1 and not _jumps(node))
-                or (self._needs_constant(node, len(places)))
-            ):
+            alone = len(places) == 1 and not _jumps(node)
+            if not places or alone or self._needs_constant(node, len(places)):
                 self._unrolled(node, list(places))
                 return
         self._loop(node, over, None)
@@ -810,7 +793,8 @@ class Body:
             value: Any = start if once else here
             if vector is not None:
                 value = self._read(vector.moved(0, value).without(0))
-            if node.target.id != "_":
+                self._bind(node.target.id, value)
+            else:
                 self.env[node.target.id] = value
             self.statements(node.body)
         self.open_loops.pop()
@@ -1300,10 +1284,6 @@ def _stored(node: ast.AST) -> Iterator[str]:
 
 def _as_number(value: Any) -> Number:
     return value if isinstance(value, Number) else number(value)
-
-
-def _ends(block: Block) -> bool:
-    return bool(block.statements) and isinstance(block.statements[-1], Jump)
 
 
 def _same(left: Any, right: Any) -> bool:

@@ -116,7 +116,7 @@ class View:
 
     @property
     def reads(self) -> Reads:
-        """What its place depends on."""
+        """All that its place depends on."""
         return union(index.reads for index, _ in self.terms)
 
     @property

@@ -18,7 +18,7 @@ from reobserve.polynomials.evaluation_kernels import polynomials
 Array = NDArray[Any]
 
 
-class Rows:
+class StepRows:
     """Measurements and inputs in a step: at the row before, in the middle and at the row.
 
     ``state`` has what the observer starts from, None for the first measurement.
@@ -81,7 +81,7 @@ def differentiator(
     observer: levant.LevantDifferentiator, state: levant.LevantState | None
 ) -> Program:
     """Levant's differentiator."""
-    rows, path = Rows(observer, state), np.empty((2, observer.order + 1))
+    rows, path = StepRows(observer, state), np.empty((2, observer.order + 1))
     begun = observer.init(np.zeros(observer.order + 1)) if state is None else state
     z = begun.derivatives.copy()
     given = z, path, levant._run, (observer._law, rows.all[::2, 0], path)
@@ -95,7 +95,7 @@ def standard_high_gain(
     observer: high_gain.HighGainObserver, state: high_gain.HighGainState
 ) -> Program:
     """The standard high-gain observer."""
-    rows, path = Rows(observer, state), np.empty((2, observer.model.states))
+    rows, path = StepRows(observer, state), np.empty((2, observer.model.states))
     x, model = state.estimate.copy(), observer.model
     y, u = rows.all[:, 0], rows.all[:, 1]
     record = high_gain.HighGainRecord(y, y, u, u)
@@ -112,7 +112,7 @@ def identity(
     observer: normal_form.IdentityObserver, state: normal_form.NormalFormState | None
 ) -> Program:
     """The normal-form observer in identity form."""
-    rows, begun = Rows(observer, state), state or observer._start(np.zeros(0))
+    rows, begun = StepRows(observer, state), state or observer._start(np.zeros(0))
     x, n, law = begun.values.copy(), len(begun.values), observer._law
     path, work = np.empty((2, n)), observer._work(n)
     known = rows.all, rows.all
@@ -127,7 +127,7 @@ def transformed(
     observer: normal_form.TransformedObserver, state: normal_form.NormalFormState | None
 ) -> Program:
     """The normal-form observer in the coordinates of the normal form."""
-    rows, begun = Rows(observer, state), state or observer._start(np.zeros(0))
+    rows, begun = StepRows(observer, state), state or observer._start(np.zeros(0))
     z, n = begun.values.copy(), len(begun.values)
     injection, T = polynomials(observer.normal_form.injected), polynomials(observer.T)
     path, x = np.empty((2, n)), np.empty((1, n))
@@ -145,7 +145,7 @@ def extended_state_observer(
     observer: extended_state.ExtendedStateObserver, state: extended_state.EsoState | None
 ) -> Program:
     """The extended state observer, sampled exactly."""
-    rows, begun, weights = Rows(observer, state), state or observer.init(), observer._weights
+    rows, begun, weights = StepRows(observer, state), state or observer.init(), observer._weights
     z, system = np.concatenate([begun.filtered, begun.estimate]), observer.system
     path, known, p, n = np.empty((2, len(z))), np.empty(len(weights)), system.outputs, system.states
     y, u = (Samples(one, one) for one in (rows.measured, rows.known))
@@ -170,7 +170,7 @@ def extended_state_observer(
 def rigid_body(observer: Any, state: Any) -> Program:
     """Iterative learning observers, continuous and sampled, and the adaptive one."""
     learning = isinstance(observer, ilo.LearningObserver)
-    rows, begun = Rows(observer, state), observer.init(np.zeros(3)) if state is None else state
+    rows, begun = StepRows(observer, state), observer.init(np.zeros(3)) if state is None else state
     w, held, y, u = begun.rate.copy(), begun.memory.copy(), rows.measured, rows.known
     found = RigidBodyRows(*np.empty((3, 2, 3)))
     front: tuple[Any, ...] = (observer._constants,)
