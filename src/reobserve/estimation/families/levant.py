@@ -13,7 +13,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.signals import NamedSignal, numbered, product
 from reobserve.estimation.observer_design import Certificate, Design, Example, System
-from reobserve.observers.levant import LevantDifferentiator, LevantState
+from reobserve.observers.levant import LevantDifferentiator
 
 Array = FloatArray
 
