@@ -75,7 +75,7 @@ class If(Statement):
 
 @dataclass(eq=False)
 class For(Statement):
-    """Statements for each value of a variable; ``head`` is what stands in parentheses."""
+    """Statements for each value of a variable. ``head`` is what stands in parentheses."""
 
     head: str
     reads: Reads
@@ -133,7 +133,7 @@ class Routine:
 
 
 class Needed:
-    """All that the results of the last of some functions depend on; it marks live statements."""
+    """All that the results of the last of some functions depend on. It marks live statements."""
 
     def __init__(self, routines: list[Routine], wanted: set[Storage]) -> None:
         self.keys: set[Hashable] = {*wanted, routines[-1].result}
@@ -174,7 +174,7 @@ class Needed:
                 self.keys.add(key.routine.result)
 
     def _block(self, routine: Routine, block: Block, after: bool, repeated: bool) -> bool:
-        """Mark statements, after which something live follows or not; return if one is live."""
+        """Mark statements, after which something live follows or not, and return if one is live."""
         found = False
         for statement in reversed(block.statements):
             if self._statement(routine, statement, after, repeated):

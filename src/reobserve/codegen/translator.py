@@ -236,7 +236,7 @@ class Translator:
         return rows if rows is not None else plain(function)
 
     def _key(self, value: Any, handed: list[Any]) -> Any:
-        """The part of an argument that a routine is made for; the rest is ``handed`` over."""
+        """The part of an argument that a routine is made for. The rest is ``handed`` over."""
         if isinstance(value, Number):
             handed.append(value)
             return "number", value.kind, value.natural
@@ -819,7 +819,7 @@ class Body:
     # --- Expressions ---
 
     def expression(self, node: ast.expr, whole: bool = False, hint: str = "") -> Any:
-        """The value of an expression; as a ``whole`` it may be a call that writes arrays."""
+        """The value of an expression, which as a ``whole`` may be a call that writes arrays."""
         if isinstance(node, ast.Call):
             return self._call(node, whole, hint)
         if isinstance(node, ast.BoolOp):

@@ -90,7 +90,7 @@ def _step(
 def _derive(
     u: float, u_before: Array, recent: Array, known: Array, now: Array, weights: Array
 ) -> None:
-    """Find the derivatives of the input; those of the first row are those of the second."""
+    """Find the derivatives of the input, for the first row those of the second."""
     m = len(u_before) - 1
     recent[m + 1] = u
     write_derivatives(recent, known[0], weights, now)
