@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from textwrap import wrap
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.codegen.program import Program
-from reobserve.codegen.statements import WIDTH, line
+from reobserve.codegen.statements import WIDTH
 from reobserve.codegen.values import Storage, literal
 
 Array = NDArray[np.float64]
@@ -119,7 +119,7 @@ def header(
 
 def source(program: Program, name: str) -> str:
     """The source that goes with the header."""
-    code, start = program.code, _start(program)
+    code, (start, tables) = program.code, _start(program)
     work = _fields(code.storages["work"])
     structures = {
         "memory": f"{name}_memory", "work": f"{name}_work", "estimate": f"{name}_estimate",
@@ -135,14 +135,12 @@ def source(program: Program, name: str) -> str:
               if not re.search(rf"\b{each}\b", step.split("\n{\n", 1)[1])]  # fmt: skip
     for each in unread:
         step = step.replace("\n{\n", f"\n{{\n    (void){each};\n", 1)
-    tables = [
-        _table(one.name, one.data, one.kind)
-        for one in code.storages["constant"] if one.data is not None
-    ]  # fmt: skip
-    tables += [_table(f"{each}_at_start", values) for each, values in start.tables.items()]
+    for one in code.storages["constant"]:
+        assert one.data is not None
+        tables += _table(one.name, one.data, one.kind)
     return _SOURCE.format(
         title=program.title, name=name, strict=STRICT_MATH,
-        constants="".join(tables) + "\n", functions=functions, start=start.lines,
+        constants=f"{tables}\n", functions=functions, start=start,
         step=step.rstrip("\n") + "\n",
     )  # fmt: skip
 
@@ -172,37 +170,25 @@ def _u(program: Program) -> str:
     return f" const double u[{program.inputs}]," if program.inputs else ""
 
 
-def _size(shape: tuple[int, ...]) -> str:
+def _size(shape: Iterable[int | str]) -> str:
     return "".join(f"[{size}]" for size in shape)
 
 
-class _Start(NamedTuple):
-    lines: str
-    tables: dict[str, Array]
-
-
-def _start(program: Program) -> _Start:
-    """The statements that assign the memory its start, from tables where it is large."""
-    lines, tables = "", dict[str, Array]()
+def _start(program: Program) -> tuple[str, str]:
+    """The statements that assign the memory its start, and tables of what is large."""
+    lines, tables = "", ""
     for storage in program.code.storages["memory"]:
         values = np.asarray(program.memory[storage.name]).reshape(storage.shape)
-        view = storage.view()
-        if values.size > _MOST_ASSIGNED:
-            tables[storage.name] = values
-            target, source = (f"{path}[i]" for path in (storage.path, f"{storage.name}_at_start"))
-            target, source = (f"{one}" for one in (target, source))
-            inner = "".join(f"[{chr(ord('j') + i)}]" for i in range(values.ndim - 1))
-            heads = "".join(
-                f"    {'    ' * i}for (int32_t {index} = 0; {index} < {size}; ++{index}) {{\n"
-                for i, (index, size) in enumerate(zip("ijkl", values.shape, strict=False))
-            )
-            space = "    " * (values.ndim + 1)
-            ends = "".join(f"{'    ' * i}}}\n" for i in range(values.ndim, 0, -1))
-            lines += f"{heads}{space}{target}{inner} = {source}{inner};\n{ends}"
+        if values.size <= _MOST_ASSIGNED:
+            for place in np.ndindex(values.shape):
+                entry = storage.path + ("" if storage.scalar else _size(place))
+                lines += f"    {entry} = {literal(values[place].item())};\n"
             continue
-        for index in np.ndindex(values.shape):
-            entry = view
-            for place in index:
-                entry = entry.moved(0, place).without(0)
-            lines += line(f"{entry.entry().text} = {literal(values[index].item())};", "    ")
-    return _Start(lines, tables)
+        table, index = f"{storage.name}_at_start", "ijkl"[: values.ndim]
+        tables += _table(table, values)
+        pairs = zip(index, values.shape, strict=True)
+        rows = [f"for (int32_t {i} = 0; {i} < {size}; ++{i}) {{" for i, size in pairs]
+        rows += [f"{storage.path}{_size(index)} = {table}{_size(index)};", *["}"] * len(index)]
+        depths = (*range(len(index) + 1), *reversed(range(len(index))))
+        lines += "".join(f"    {'    ' * d}{row}\n" for d, row in zip(depths, rows, strict=True))
+    return lines, tables

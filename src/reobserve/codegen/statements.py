@@ -139,18 +139,12 @@ class Needed:
         self.keys: set[Hashable] = {*wanted, routines[-1].result}
         self.written: set[Storage] = set()  # parameters of which a caller reads what is written
         self.calls = {call.token: call for routine in routines for call in routine.calls}
-        size = -1
-        while size != self._size(routines):
-            size = self._size(routines)
+        self.marked, size = 0, -1
+        while size != (size := self.marked + len(self.keys) + len(self.written)):
             for call in self.calls.values():
                 self._bind(call)
             for routine in routines:
                 self._block(routine, routine.body, False, False)
-
-    def _size(self, routines: list[Routine]) -> int:
-        effects = sum(len(routine.effects) for routine in routines)
-        live = sum(call.live for call in self.calls.values())
-        return len(self.keys) + len(self.written) + effects + live
 
     def _bind(self, call: Call) -> None:
         for parameter, argument in zip(call.routine.parameters, call.arguments, strict=True):
@@ -178,6 +172,7 @@ class Needed:
         found = False
         for statement in reversed(block.statements):
             if self._statement(routine, statement, after, repeated):
+                self.marked += not statement.live
                 statement.live = found = True
             after = after or statement.live
         return found
