@@ -9,54 +9,45 @@ known here is refused, with its file and line.
 from __future__ import annotations
 
 import ast
-import builtins
 import inspect
-import math
-import operator
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache
-from textwrap import dedent
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
+from reobserve.codegen.expressions import ARITHMETIC, Expressions
+from reobserve.codegen.sources import (
+    changed,
+    jumps,
+    plain,
+    rows_of,
+    source,
+    stored,
+    text_function,
+)
 from reobserve.codegen.statements import (
     Assign,
     Block,
-    Call,
     Comment,
     For,
     If,
-    Invoke,
     Jump,
     Routine,
-    Statement,
-    Table,
 )
 from reobserve.codegen.values import (
-    AND,
     ATOM,
-    COMPARED,
-    OR,
-    PRODUCT,
-    SIGN,
     SUM,
-    TERNARY,
     Number,
     Storage,
     Variable,
     View,
+    as_number,
     double,
-    negated,
     number,
-    row_strides,
-    union,
 )
-from reobserve.core.direct_call import call as direct_call
 from reobserve.core.errors import InputError
-from reobserve.systems.text_functions import compiled_rows
 
 _MOST_UNROLLED = 2000
 
@@ -75,30 +66,6 @@ RESERVED = frozenset(
     """.split()  # noqa: SIM905
 )
 
-_MATH = frozenset(
-    """acos acosh asin asinh atan atan2 atanh cos cosh erf exp expm1 floor log log1p sin sinh sqrt
-    tan tanh isfinite isnan isinf""".split()  # noqa: SIM905
-)
-
-_ARITHMETIC: dict[type, tuple[str, int, Any]] = {
-    ast.Add: ("+", SUM, operator.add), ast.Sub: ("-", SUM, operator.sub),
-    ast.Mult: ("*", PRODUCT, operator.mul), ast.Div: ("/", PRODUCT, operator.truediv),
-    ast.FloorDiv: ("/", PRODUCT, operator.floordiv), ast.Mod: ("%", PRODUCT, operator.mod),
-    ast.Pow: ("", PRODUCT, operator.pow), ast.BitAnd: ("&&", AND, operator.and_),
-}  # fmt: skip
-
-_COMPARED: dict[type, tuple[str, Any]] = {
-    ast.Lt: ("<", operator.lt), ast.LtE: ("<=", operator.le), ast.Gt: (">", operator.gt),
-    ast.GtE: (">=", operator.ge), ast.Eq: ("==", operator.eq), ast.NotEq: ("!=", operator.ne),
-}  # fmt: skip
-
-_HELPERS = {
-    "least": "static double least(double first, double second)\n{\n"
-    "    return (second < first) ? second : first;\n}\n\n",
-    "greatest": "static double greatest(double first, double second)\n{\n"
-    "    return (second > first) ? second : first;\n}\n\n",
-}
-
 
 class _OverError(Exception):
     """The statements behind one are never reached: it is a jump that no condition guards."""
@@ -106,26 +73,6 @@ class _OverError(Exception):
     def __init__(self, word: str) -> None:
         super().__init__(word)
         self.word = word
-
-
-@cache
-def _source(function: Callable[..., Any]) -> tuple[ast.FunctionDef, dict[int, str], str, int]:
-    """The tree of a function, its equations by the lines below them, its file and first line."""
-    lines, first = inspect.getsourcelines(function)
-    text = dedent("".join(lines))
-    tree = ast.parse(text).body[0]
-    assert isinstance(tree, ast.FunctionDef)
-    equations, own = {}, [line.strip() for line in text.splitlines()]
-    for place, line in enumerate(own):
-        if line.startswith("# ") and "=" in line and "numba" not in line:
-            equations[place + 2] = line[2:].replace("*/", "* /")
-    return tree, equations, inspect.getsourcefile(function) or "", first
-
-
-def plain(function: Any) -> Any:
-    """The Python function behind a kernel or a pointer, or the function itself."""
-    names = ("source",) if hasattr(function, "pickled") else ("py_func", "_function", "_pyfunc")
-    return next((getattr(function, name) for name in names if hasattr(function, name)), function)
 
 
 class Translator:
@@ -147,7 +94,7 @@ class Translator:
 
     def entry(self, function: Any, arguments: tuple[Any, ...]) -> Routine:
         """The routine of the outermost function, whose arguments stand where they are."""
-        tree, equations, file, first = _source(function)
+        tree, equations, file, first = source(function)
         names = [one.arg for one in tree.args.args]
         pairs = zip(arguments, names, strict=True)
         values = [self.value(argument, name) for argument, name in pairs]
@@ -232,7 +179,7 @@ class Translator:
         }
 
     def _identity(self, function: Any) -> Any:
-        rows = _rows_of(function)
+        rows = rows_of(function)
         return rows if rows is not None else plain(function)
 
     def _key(self, value: Any, handed: list[Any]) -> Any:
@@ -251,9 +198,9 @@ class Translator:
     def _translated(
         self, function: Any, name: str, values: list[Any], fixed: set[int]
     ) -> tuple[Routine, Result]:
-        rows = _rows_of(function)
+        rows = rows_of(function)
         if rows is not None:
-            tree, scope = _text_function(rows)
+            tree, scope = text_function(rows)
             equations: dict[int, str] = {}
             place = f"the text of {name}"
             first = 0
@@ -263,7 +210,7 @@ class Translator:
                 problem = f"of a model with {name} as a function cannot be exported"
                 raise InputError("observer", f"{problem}; give it as text")
             name = inner.__name__
-            tree, equations, place, first = _source(inner)
+            tree, equations, place, first = source(inner)
             scope = {**inner.__globals__, **inspect.getclosurevars(inner).nonlocals}
         about = (ast.get_docstring(tree) or "").split("\n")[0]
         routine = Routine(self.name(name), about)
@@ -293,22 +240,6 @@ def _fixed(value: Any) -> Any:
     return (type(value), repr(value)) if isinstance(value, int | float | str | None) else id(value)
 
 
-def _rows_of(function: Any) -> tuple[str, ...] | None:
-    """The code of the entries of a function that was compiled of text."""
-    recipe = getattr(function, "pickled", None)
-    if isinstance(recipe, tuple) and recipe[0] is compiled_rows:
-        return tuple(recipe[1][0])
-    return None
-
-
-@cache
-def _text_function(rows: tuple[str, ...]) -> tuple[ast.FunctionDef, dict[str, Any]]:
-    body = "".join(f"    out[{i}] = {row}\n" for i, row in enumerate(rows))
-    tree = ast.parse(f"def field(x, parameters, out):\n{body}").body[0]
-    assert isinstance(tree, ast.FunctionDef)
-    return tree, {"math": math}
-
-
 @dataclass(frozen=True)
 class Result:
     """A constant, the ``parameter`` of that number, or that a call returns what is not known."""
@@ -318,34 +249,8 @@ class Result:
     parameter: int | None = None
 
 
-class Body:
-    """One function: its names and what they stand for, and the block that is being written."""
-
-    def __init__(
-        self, of: Translator, routine: Routine, scope: dict[str, Any], equations: dict[int, str],
-        place: tuple[str, int], tree: ast.FunctionDef,
-    ) -> None:  # fmt: skip
-        self.of, self.routine, self.scope, self.tree = of, routine, scope, tree
-        self.equations, self.place = equations, place
-        self.env: dict[str, Any] = {}
-        self.block, self.depth = routine.body, 0  # of conditions and loops around
-        self.taken: set[str] = set()
-        self.variables: dict[tuple[str, str, str], Variable] = {}  # by name, kind and whole
-        self.spelled: dict[tuple[str, str], str] = {}
-        counts = [name for node in ast.walk(tree) for name in _stored(node)]
-        counts += [one.arg for one in tree.args.args]
-        self.again = {name for name in counts if counts.count(name) > 1}
-        self.returned: list[Any] = []
-        self.handed = 0
-        # Of the loops around, their statements if they are run through here, else None.
-        self.once: list[list[ast.stmt] | None] = []
-        self.loop_depth: list[int] = []
-        self.loops_change: frozenset[str] = frozenset()
-        self.loop_names: dict[str, str] = {}
-        self.open_loops: list[str] = []
-        self.node: ast.AST = tree
-
-    # --- The whole ---
+class Body(Expressions):
+    """The statements of a function."""
 
     def translated(self, values: list[Any], fixed: set[int] | None) -> Result:
         """Translate the function for its arguments, of which those that are ``fixed``, or all of
@@ -404,42 +309,17 @@ class Body:
             if alone and isinstance(first, Number) and first.text == parameter.name:
                 return Result(parameter=place)
         for column in zip(*rows, strict=True):
-            numbers = [_as_number(value) for value in column]
+            numbers = [as_number(value) for value in column]
             kinds = {one.kind for one in numbers}
             routine.results.append("double" if "double" in kinds else "int32_t")
         for (jump, _), row in zip(found, rows, strict=True):
             jump.values = tuple(
-                double(value) if kind == "double" else _as_number(value)
+                double(value) if kind == "double" else as_number(value)
                 for value, kind in zip(row, routine.results, strict=True)
             )
         if True in several:
             routine.structure = self.of.structure(routine.results)
         return Result()
-
-    def refuse(self, what: str) -> NoReturn:
-        """Refuse what is not known here, with its place."""
-        file, first = self.place
-        line = first + getattr(self.node, "lineno", 1) - 1
-        raise InputError("observer", f"cannot be exported: {file}, line {line}: {what}")
-
-    def _named(self, name: str) -> str:
-        return self.of.local(name, self.taken)
-
-    def _number(self, variable: Variable, natural: bool = False) -> Number:
-        return Number(variable.name, variable.kind, ATOM, frozenset({variable}), natural)
-
-    def emit(self, statement: Statement) -> None:
-        """Add a statement."""
-        self.block.statements.append(statement)
-
-    @contextmanager
-    def inside(self, block: Block) -> Iterator[None]:
-        """Statements go to another block."""
-        outside, self.block = self.block, block
-        try:
-            yield
-        finally:
-            self.block = outside
 
     # --- Statements ---
 
@@ -513,7 +393,7 @@ class Body:
             return tuple(self._apart(part, targets) for part in value)
         if not isinstance(value, Number) or (value.level == ATOM and not value.reads):
             return value
-        names = {name for target in targets for node in ast.walk(target) for name in _stored(node)}
+        names = {name for target in targets for node in ast.walk(target) for name in stored(node)}
         owned = {one for name in names for one in self._owned(self.env.get(name))}
         entries = any(isinstance(n, ast.Subscript) for t in targets for n in ast.walk(t))
         storages = {key for key in value.reads if isinstance(key, Storage)}
@@ -525,12 +405,6 @@ class Body:
         if isinstance(value, tuple):
             return set().union(*map(self._owned, value))
         return {*value.reads} if isinstance(value, Number) else set()
-
-    def _kept(self, value: Number, name: str) -> Number:
-        """A value in a variable of its own."""
-        variable = Variable(self._named(name), value.kind)
-        self.emit(Assign(variable, variable.name, "=", value.text, value.reads))
-        return self._number(variable, value.natural)
 
     def _store(self, target: ast.expr, value: Any) -> None:
         if isinstance(target, ast.Name):
@@ -552,19 +426,6 @@ class Body:
         if not isinstance(value, View):
             self.refuse("a value that is no tuple")
         return tuple(self._read(value.moved(0, i).without(0)) for i in range(value.shape[0]))
-
-    def _write(self, view: View, sign: str, value: Any) -> None:
-        storage = view.storage
-        if view.shape or storage.where in ("constant", "given"):
-            self.refuse("an assignment to what is no entry of an array that is written")
-        if storage.where != "local":
-            self.routine.writes.add(storage)
-        number_ = _as_number(value) if storage.integer else double(value)
-        entry = view.entry()
-        if sign == "=" and number_.text == entry.text:
-            return
-        reads = (entry.reads - {storage}) | number_.reads | ({storage} if sign != "=" else set())
-        self.emit(Assign(storage, entry.text, sign, number_.text, frozenset(reads)))
 
     def _bind(self, name: str, value: Any) -> None:
         """Let a name stand for a value: a variable of C if that is no constant."""
@@ -604,16 +465,8 @@ class Body:
         stays = all(isinstance(one, Variable) and one not in moving for one in index.reads)
         return index if stays else self._kept(index, "place")
 
-    def _variable(self, name: str, kind: str, whole: str = "") -> Variable:
-        key = (name, kind, whole or name)
-        if key not in self.variables:
-            if key[:2] not in self.spelled:
-                self.spelled[key[:2]] = self._named(name)
-            self.variables[key] = Variable(self.spelled[key[:2]], kind)
-        return self.variables[key]
-
     def _do_AugAssign(self, node: ast.AugAssign) -> None:
-        sign = _ARITHMETIC[type(node.op)][0]
+        sign = ARITHMETIC[type(node.op)][0]
         value = self.expression(node.value)
         if isinstance(node.target, ast.Subscript):
             view = self._entry(node.target)
@@ -630,18 +483,12 @@ class Body:
         simple = isinstance(known, Number) and isinstance(result, Number)
         if simple and result.kind == known.kind and sign in ("+", "-", "*", "/"):
             (variable,) = known.reads
-            text = double(value).text if known.kind == "double" else _as_number(value).text
+            text = double(value).text if known.kind == "double" else as_number(value).text
             reads = result.reads
             self.emit(Assign(variable, known.text, f"{sign}=", text, reads))
             self.env[name] = Number(known.text, known.kind, ATOM, known.reads)
         else:
             self._bind(name, result)
-
-    def _entry(self, node: ast.Subscript) -> View:
-        view = self.expression(node.value)
-        if not isinstance(view, View):
-            self.refuse("an assignment to an entry of what is no array")
-        return self._part(view, node.slice)
 
     # --- Conditions and loops ---
 
@@ -688,7 +535,7 @@ class Body:
 
     def _demote(self, nodes: Iterable[ast.AST]) -> None:
         """Make variables of what statements under conditions assign."""
-        for name in sorted(_changed(nodes) & self.env.keys()):
+        for name in sorted(changed(nodes) & self.env.keys()):
             self.env[name] = self._assigned(name, name, self.env[name], changes=True)
 
     def _do_For(self, node: ast.For) -> None:
@@ -709,7 +556,7 @@ class Body:
         start, stop, step = over
         if isinstance(start, int) and isinstance(stop, int):
             places = range(start, stop, step)
-            alone = len(places) == 1 and not _jumps(node)
+            alone = len(places) == 1 and not jumps(node)
             if not places or alone or self._needs_constant(node, len(places)):
                 self._unrolled(node, list(places))
                 return
@@ -760,7 +607,7 @@ class Body:
                 self.statements(node.body)
             except _OverError as jump:
                 if jump.word == "return":
-                    raise
+                    raise jump
                 if jump.word == "break":
                     break
             finally:
@@ -774,17 +621,17 @@ class Body:
         once = isinstance(start, int) and isinstance(stop, int) and stop - start == step
         wanted = "i" if vector is not None or node.target.id == "_" else node.target.id
         index = Variable(self._loop_name(wanted), "int32_t", parameter=True)
-        first, last = _as_number(start), _as_number(stop)
+        first, last = as_number(start), as_number(stop)
         natural = first.natural if step > 0 else last.natural or stop == -1
         here = Number(index.name, "int32_t", ATOM, frozenset({index}), natural)
         head = (
             f"int32_t {index.name} = {first.text}; {index.name} {'<' if step > 0 else '>'} "
             f"{last.within(SUM)}; {'++' if step > 0 else '--'}{index.name}"
         )
-        before, changed, block = dict(self.env), self.loops_change, Block()
+        before, around, block = dict(self.env), self.loops_change, Block()
         if not once:
             views = {name for name, value in before.items() if isinstance(value, View)}
-            self.loops_change = changed | frozenset(views & _changed(node.body))
+            self.loops_change = around | frozenset(views & changed(node.body))
         self.depth += 1
         self.once.append(None)
         self.loop_depth.append(self.depth)
@@ -801,8 +648,8 @@ class Body:
         self.loop_depth.pop()
         self.once.pop()
         self.depth -= 1
-        self.loops_change = changed
-        for name in sorted(_changed(node.body) & before.keys()):
+        self.loops_change = around
+        for name in sorted(changed(node.body) & before.keys()):
             if not once and not _same(before[name], self.env.get(name)):
                 self.refuse(f"{name}, which stands for something else at each repetition")
         self.emit(For(head, first.reads | last.reads, block))
@@ -815,475 +662,6 @@ class Body:
             self.loop_names.setdefault(wanted, name)
             return name
         return self.loop_names[wanted]
-
-    # --- Expressions ---
-
-    def expression(self, node: ast.expr, whole: bool = False, hint: str = "") -> Any:
-        """The value of an expression, which as a ``whole`` may be a call that writes arrays."""
-        if isinstance(node, ast.Call):
-            return self._call(node, whole, hint)
-        if isinstance(node, ast.BoolOp):
-            return self._both(node, whole)
-        if isinstance(node, ast.UnaryOp):
-            return self._signed(node, whole)
-        if isinstance(node, ast.Tuple):
-            return self._several(node, whole, [""] * len(node.elts))
-        if isinstance(node, ast.Compare):
-            return self._compare(node, whole)
-        method = getattr(self, f"_of_{type(node).__name__}", None)
-        if method is None:
-            self.refuse(f"an expression of the kind {type(node).__name__}")
-        return method(node)
-
-    def _of_Constant(self, node: ast.Constant) -> Any:
-        return node.value
-
-    def _of_Name(self, node: ast.Name) -> Any:
-        if node.id in self.env:
-            return self.env[node.id]
-        if node.id in self.scope:
-            return self.of.value(self.scope[node.id], node.id)
-        if not hasattr(builtins, node.id):
-            self.refuse(f"{node.id}, which stands for several things here")
-        return getattr(builtins, node.id)
-
-    def _of_Attribute(self, node: ast.Attribute) -> Any:
-        value = self.expression(node.value)
-        if isinstance(value, Number) or not hasattr(value, node.attr):
-            self.refuse(f"the attribute {node.attr}")
-        if isinstance(value, View) and node.attr != "shape":
-            self.refuse(f"the attribute {node.attr} of an array")
-        found = getattr(value, node.attr)
-        return found.item() if isinstance(found, np.generic) else found
-
-    def _several(self, node: ast.Tuple, whole: bool, hints: list[str]) -> tuple[Any, ...]:
-        values: list[Any] = []
-        for each, hint in zip(node.elts, hints, strict=False):
-            # What a call writes must not have been read before it.
-            read = [v for v in values if isinstance(v, Number) and v.reads]
-            name = hint if hint.isidentifier() and hint != "_" else ""
-            values.append(self.expression(each, whole and not read, name))
-        return tuple(values)
-
-    def _of_Subscript(self, node: ast.Subscript) -> Any:
-        value = self.expression(node.value)
-        if isinstance(value, tuple):
-            if isinstance(node.slice, ast.Slice):
-                return tuple(value)[self._slice(node.slice, len(value))]
-            index = self.expression(node.slice)
-            if isinstance(index, int):
-                return value[index]
-            return self._chosen(value, index)
-        if not isinstance(value, View):
-            self.refuse("an entry of what is no array and no tuple")
-        return self._read(self._part(value, node.slice))
-
-    def _chosen(self, values: tuple[Any, ...], index: Any) -> Number:
-        """An entry of a tuple of numbers at a place that is not known here."""
-        if not all(isinstance(each, Number | int | float) for each in values):
-            self.refuse("an entry of a tuple that holds no numbers, at a place that varies")
-        if all(isinstance(each, int | float) for each in values):
-            storage = self.of.constant("choices", np.array(values, dtype=np.float64))
-        else:
-            storage = Storage(self._named("choices"), "local", (len(values),))
-            self.emit(Table(storage))
-            for place, each in enumerate(values):
-                self._write(storage.view().moved(0, place).without(0), "=", each)
-        return storage.view().moved(0, index).without(0).entry()
-
-    def _read(self, view: View) -> Any:
-        """The entry of a view of no axis, or a view."""
-        if view.shape:
-            return view
-        known = view.uniform
-        if known is not None:
-            return known
-        data = view.storage.data
-        if view.storage.integer and data is not None and not view.terms:
-            return int(data.reshape(-1)[view.start])
-        return view.entry()
-
-    def _part(self, view: View, node: ast.expr) -> View:
-        axis = 0
-        for each in node.elts if isinstance(node, ast.Tuple) else [node]:
-            if isinstance(each, ast.Slice):
-                view = self._cut(view, axis, each)
-                axis += 1
-                continue
-            index = self.expression(each)
-            if isinstance(index, int) and index < 0:
-                index += view.shape[axis]
-            if isinstance(index, Number) and index.kind != "int32_t":
-                self.refuse("an index that is no whole number")
-            if isinstance(index, int) and not 0 <= index < view.shape[axis]:
-                self.refuse("an index beyond the end of an array")
-            view = view.moved(axis, index).without(axis)
-        return view
-
-    def _slice(self, node: ast.Slice, size: int) -> slice:
-        parts = [None if p is None else self.expression(p) for p in (node.lower, node.upper)]
-        if node.step is not None or not all(isinstance(p, int | None) for p in parts):
-            self.refuse("a slice whose ends are not known here")
-        return slice(*slice(*parts).indices(size)[:2])
-
-    def _cut(self, view: View, axis: int, node: ast.Slice) -> View:
-        lower, upper, shape = node.lower, node.upper, list(view.shape)
-        start = None if lower is None else self.expression(lower)
-        if isinstance(start, Number):
-            # From i to i + 1, say.
-            ahead = upper.right if isinstance(upper, ast.BinOp) else None
-            count = ahead.value if isinstance(ahead, ast.Constant) else None
-            same = (
-                isinstance(upper, ast.BinOp)
-                and isinstance(upper.op, ast.Add)
-                and (lower is not None and ast.dump(upper.left) == ast.dump(lower))
-            )
-            if not same or not isinstance(count, int):
-                self.refuse("a slice whose length is not known here")
-            shape[axis] = count
-        else:
-            span = self._slice(node, view.shape[axis])
-            start, shape[axis] = span.start, max(span.stop - span.start, 0)
-        return replace(view.moved(axis, start), shape=tuple(shape))
-
-    def _signed(self, node: ast.UnaryOp, whole: bool) -> Any:
-        if isinstance(node.op, ast.Not):
-            value = self.expression(node.operand, whole)
-            if not isinstance(value, Number):
-                return not value
-            return negated(value)
-        value = self.expression(node.operand)
-        if not isinstance(node.op, ast.USub):
-            self.refuse("such a sign")
-        if not isinstance(value, Number):
-            return -value
-        text = value.within(SIGN)
-        text = f"({text})" if text.startswith("-") else text
-        return Number(f"-{text}", value.kind, SIGN, value.reads)
-
-    def _both(self, node: ast.BoolOp, whole: bool) -> Any:
-        """A conjunction or disjunction, whose further parts are computed if the first says so."""
-        conjunction = isinstance(node.op, ast.And)
-        value = self.expression(node.values[0], whole)
-        for each in node.values[1:]:
-            if not isinstance(value, Number):
-                if bool(value) is not conjunction:
-                    return value
-                value = self.expression(each, whole)
-                continue
-            block = Block()
-            with self.inside(block):
-                more = self.expression(each, whole)
-            if any(isinstance(one, Invoke) for one in block.statements):
-                kept = self._variable("both" if conjunction else "either", "int32_t")
-                self.emit(Assign(kept, kept.name, "=", value.text, value.reads))
-                both, rest = self._number(kept, natural=True), _as_number(more)
-                assign = Assign(kept, kept.name, "=", rest.text, rest.reads)
-                test = both if conjunction else negated(both)
-                self.emit(If(test, Block([*block.statements, assign]), Block()))
-                value = both
-                continue
-            self.block.statements += block.statements
-            if not isinstance(more, Number):
-                if bool(more) is not conjunction:
-                    return bool(more)
-                continue
-            sign, level = ("&&", AND) if conjunction else ("||", OR)
-            parts = [p.within(COMPARED if p.level != level else level) for p in (value, more)]
-            text = f" {sign} ".join(parts)
-            value = Number(text, "int32_t", level, value.reads | more.reads, True)
-        return value
-
-    def _compare(self, node: ast.Compare, whole: bool) -> Any:
-        alone = all(isinstance(each, ast.Constant) for each in node.comparators)
-        values = [self.expression(node.left, whole and alone)]
-        values += [self.expression(each) for each in node.comparators]
-        found: Any = True
-        for sign, left, right in zip(node.ops, values, values[1:], strict=False):
-            one = self._compared(sign, left, right)
-            if not isinstance(one, Number):
-                if not one:
-                    return False
-            elif isinstance(found, Number):
-                text = f"{found.within(AND)} && {one.within(COMPARED)}"
-                found = Number(text, "int32_t", AND, found.reads | one.reads, True)
-            else:
-                found = one
-        return found
-
-    def _compared(self, sign: ast.cmpop, left: Any, right: Any) -> Any:
-        if isinstance(sign, ast.Is | ast.IsNot):
-            if isinstance(left, Number) or isinstance(right, Number):
-                return isinstance(sign, ast.IsNot)
-            return (left is right) is isinstance(sign, ast.Is)
-        if isinstance(sign, ast.In):
-            found: Any = False
-            for each in right:
-                one = self._compared(ast.Eq(), left, each)
-                if isinstance(one, Number) and isinstance(found, Number):
-                    text = f"{found.text} || {one.text}"
-                    found = Number(text, "int32_t", OR, found.reads | one.reads, True)
-                elif one is not False:
-                    found = one if found is False else found
-            return found
-        text, operation = _COMPARED[type(sign)]
-        if not isinstance(left, Number) and not isinstance(right, Number):
-            return bool(operation(left, right))
-        first, second = self._alike(left, right)
-        text = f"{first.within(SUM)} {text} {second.within(SUM)}"
-        return Number(text, "int32_t", COMPARED, first.reads | second.reads, True)
-
-    def _alike(self, left: Any, right: Any) -> tuple[Number, Number]:
-        """Two numbers of one kind."""
-        for value in (left, right):
-            if not isinstance(value, Number | int | float):
-                self.refuse("arithmetic of what are no numbers")
-        first, second = _as_number(left), _as_number(right)
-        if first.kind != second.kind:
-            return double(left), double(right)
-        return first, second
-
-    def _of_IfExp(self, node: ast.IfExp) -> Any:
-        test = self.expression(node.test)
-        if not isinstance(test, Number):
-            return self.expression(node.body if test else node.orelse)
-        first, second = self._alike(self.expression(node.body), self.expression(node.orelse))
-        parts = [one.within(OR) for one in (first, second)]
-        condition = test.text if test.level == ATOM else f"({test.text})"
-        reads = test.reads | first.reads | second.reads
-        natural = first.natural and second.natural
-        text = f"{condition} ? {parts[0]} : {parts[1]}"
-        return Number(text, first.kind, TERNARY, reads, natural)
-
-    def _of_BinOp(self, node: ast.BinOp) -> Any:
-        left, right = self.expression(node.left), self.expression(node.right)
-        return self._joined(node.op, left, right)
-
-    def _joined(self, sign: ast.operator, left: Any, right: Any) -> Any:
-        if type(sign) not in _ARITHMETIC:
-            self.refuse("such an operator")
-        text, level, operation = _ARITHMETIC[type(sign)]
-        if not isinstance(left, Number) and not isinstance(right, Number):
-            try:
-                return operation(left, right)
-            except ZeroDivisionError:
-                with np.errstate(all="ignore"):
-                    return float(operation(np.float64(left), right))
-        if isinstance(sign, ast.Pow):
-            return self._power(left, right)
-        first, second = self._alike(left, right)
-        whole = first.kind == "int32_t"
-        if isinstance(sign, ast.Div):
-            first, second = double(left), double(right)
-        elif text in ("/", "%") and not (whole and first.natural and second.natural):
-            self.refuse("a division with remainder of what may be negative or no whole number")
-        natural = whole and text != "-" and first.natural and second.natural
-        reads = first.reads | second.reads
-        joined = f"{first.within(level)} {text} {second.within(level + 1)}"
-        return Number(joined, first.kind, level, reads, natural)
-
-    def _power(self, base: Any, exponent: Any) -> Number:
-        """A power, of a whole exponent by squaring, as numba compiles it."""
-        if not isinstance(exponent, int):
-            first, second = double(base), double(exponent)
-            text = f"pow({first.text}, {second.text})"
-            return Number(text, "double", ATOM, first.reads | second.reads)
-        value = double(base)
-        if value.level != ATOM or "\x01" in value.text:
-            value = self._kept(value, "base")
-        result, left = None, abs(exponent)
-        while left:
-            if left & 1:
-                result = value if result is None else self._times(result, value)
-            left >>= 1
-            if left:
-                value = self._times(value, value)
-                if left > 1:
-                    value = self._kept(value, "square")
-        if result is None:
-            return number(1.0)
-        if exponent < 0:
-            return Number(f"1.0 / {result.within(SIGN)}", "double", PRODUCT, result.reads)
-        return result
-
-    def _times(self, left: Number, right: Number) -> Number:
-        text = f"{left.within(PRODUCT)} * {right.within(SIGN)}"
-        return Number(text, "double", PRODUCT, left.reads | right.reads)
-
-    # --- Calls ---
-
-    def _call(self, node: ast.Call, whole: bool, hint: str) -> Any:
-        if node.keywords:
-            self.refuse("an argument by its name")
-        if isinstance(node.func, ast.Attribute) and node.func.attr == "reshape":
-            return self._reshaped(node)
-        function = self.expression(node.func)
-        given: list[Any] = []
-        for argument in node.args:
-            if isinstance(argument, ast.Starred):
-                given += self.expression(argument.value)
-            else:
-                given.append(self.expression(argument))
-        name = node.func.attr if isinstance(node.func, ast.Attribute) else ""
-        name = node.func.id if isinstance(node.func, ast.Name) else name
-        if function is direct_call:
-            inner = node.args[0]
-            name = inner.attr if isinstance(inner, ast.Attribute) else getattr(inner, "id", "")
-            function, given = given[0], list(given[1])
-        known = self._known_function(function, given, hint)
-        return self._of_routine(function, name, given, whole, hint) if known is None else known
-
-    def _known_function(self, function: Any, given: list[Any], hint: str) -> Any:
-        """The value of a function of Python, math or numpy, or None for any other."""
-        if function is len:
-            value = given[0]
-            return value.shape[0] if isinstance(value, View) else len(value)
-        if function in (min, max):
-            return self._least(function, given)
-        if function in (abs, float, int, bool) or getattr(function, "__module__", "") == "math":
-            return self._of_math(function, given)
-        if isinstance(function, np.ufunc):
-            return self._of_math(function, given)
-        if function is np.empty:
-            shape = given[0] if isinstance(given[0], tuple) else (given[0],)
-            if not all(isinstance(size, int) for size in shape):
-                self.refuse("an array whose shape is not known here")
-            name = self._named(hint or "local")
-            storage = Storage(name, "local", tuple(shape))
-            self.emit(Table(storage))
-            return storage.view()
-        return None
-
-    def _least(self, function: Any, given: list[Any]) -> Any:
-        value = given[0]
-        for each in given[1:]:
-            if not isinstance(value, Number) and not isinstance(each, Number):
-                value = function(value, each)
-                continue
-            first, second = self._alike(value, each)
-            reads = first.reads | second.reads
-            if first.kind == "int32_t":
-                # What is not negative is never below zero.
-                if function is min and 0 in (value, each) and first.natural and second.natural:
-                    value = 0
-                    continue
-                sign = "<" if function is min else ">"
-                one, other = second.within(SUM), first.within(SUM)
-                text = f"({one} {sign} {other}) ? {one} : {other}"
-                natural = first.natural and second.natural
-                value = Number(text, "int32_t", TERNARY, reads, natural)
-                continue
-            name = "least" if function is min else "greatest"
-            self.of.helpers[name] = _HELPERS[name]
-            value = Number(f"{name}({first.text}, {second.text})", "double", ATOM, reads)
-        return value
-
-    def _of_math(self, function: Any, given: list[Any]) -> Any:
-        name = function.__name__
-        if not any(isinstance(value, Number) for value in given):
-            try:
-                value = getattr(math, name, function)(*given)
-            except (ValueError, OverflowError, ZeroDivisionError):
-                with np.errstate(all="ignore"):
-                    value = getattr(np, {"pow": "power"}.get(name, name))(*given).item()
-            return float(value) if name == "floor" else value
-        if name in ("abs", "absolute", "fabs") and _as_number(given[0]).kind == "double":
-            name = "fabs"
-        elif name == "float":
-            return double(given[0])
-        elif name not in _MATH and name != "pow":
-            self.refuse(f"the function {name}")
-        parts = [double(value) for value in given]
-        text = f"{name}({', '.join(part.text for part in parts)})"
-        reads = union(part.reads for part in parts)
-        if name.startswith("is"):
-            return Number(text, "int32_t", ATOM, reads, True)
-        return Number(text, "double", ATOM, reads)
-
-    def _reshaped(self, node: ast.Call) -> View:
-        assert isinstance(node.func, ast.Attribute)
-        view, shape = self.expression(node.func.value), self.expression(node.args[0])
-        shape = shape if isinstance(shape, tuple) else (shape,)
-        if not isinstance(view, View) or view.strides != row_strides(view.shape):
-            self.refuse("another shape of what is no array row by row")
-        size = math.prod(view.shape)
-        shape = tuple(size // max(1, -math.prod(shape)) if n == -1 else n for n in shape)
-        return replace(view, shape=shape, strides=row_strides(shape))
-
-    def _of_routine(
-        self, function: Any, name: str, given: list[Any], whole: bool, hint: str
-    ) -> Any:
-        if not callable(function) and not hasattr(function, "pickled"):
-            self.refuse(f"a call of {name or 'what is no function'}")
-        node = self.node
-        routine, result, handed = self.of.called(function, name, given)
-        self.node = node
-        if result.parameter is not None:
-            return handed[result.parameter]
-        call = Call(routine, handed)
-        written = self._written(call)
-        if result.constant and not written:
-            return result.value
-        self.routine.calls.append(call)
-        if written and not whole:
-            self.refuse(f"a call of {name}, which writes to arrays, inside an expression")
-        self.routine.writes |= {one for one in written if one.where != "local"}
-        if result.constant:
-            self.emit(Invoke(call))
-            return result.value
-        reads = frozenset({call})
-        if not written and not routine.structure:
-            return Number(call.token, routine.results[0], ATOM, reads)
-        kind = routine.structure or routine.results[0]
-        named = not routine.structure and hint
-        target = self._variable(hint, kind) if named else Variable(
-            self._named(hint or "result"), kind
-        )  # fmt: skip
-        if written:
-            self.emit(Invoke(call, target))
-        else:
-            self.emit(Assign(target, target.name, "=", call.token, reads))
-        if not routine.structure:
-            return self._number(target)
-        return tuple(
-            Number(f"{target.name}.v{place}", each, ATOM, frozenset({target}))
-            for place, each in enumerate(routine.results)
-        )
-
-    def _written(self, call: Call) -> set[Storage]:
-        """The arrays of this function, and of structures, that a call writes to."""
-        pairs = zip(call.routine.parameters, call.arguments, strict=True)
-        arrays = {p: a.storage for p, a in pairs if isinstance(a, View)}
-        written = {arrays.get(one, one) for one in call.routine.writes}
-        if any(one.where in ("constant", "given") for one in written):
-            self.refuse(f"a call of {call.routine.name} that writes to a constant")
-        return written
-
-
-def _jumps(loop: ast.For) -> bool:
-    """True if a loop is left or gone on with elsewhere than by a condition among its statements."""
-    inner = [one for one in ast.walk(loop) if isinstance(one, ast.For) and one is not loop]
-    own = [one for one in ast.walk(loop) if isinstance(one, ast.Break | ast.Continue)]
-    own = [one for one in own if not any(one in ast.walk(other) for other in inner)]
-    direct = [one.body[-1] for one in loop.body if isinstance(one, ast.If) and not one.orelse]
-    return any(one not in (*direct, *loop.body) for one in own)
-
-
-def _changed(nodes: Iterable[ast.AST]) -> set[str]:
-    """The names that statements give a value, otherwise than as the variable of a loop."""
-    inside = [inner for node in nodes for inner in ast.walk(node)]
-    loops = [one.target for one in inside if isinstance(one, ast.For)]
-    return {name for one in inside if one not in loops for name in _stored(one)}
-
-
-def _stored(node: ast.AST) -> Iterator[str]:
-    """The name that a node gives a value."""
-    if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-        yield node.id
-
-
-def _as_number(value: Any) -> Number:
-    return value if isinstance(value, Number) else number(value)
 
 
 def _same(left: Any, right: Any) -> bool:

@@ -207,3 +207,8 @@ def double(value: Any) -> Number:
     if value.kind == "double":
         return value
     return Number(f"(double){value.within(SIGN)}", "double", SIGN, value.reads)
+
+
+def as_number(value: Any) -> Number:
+    """A number or a constant as a number."""
+    return value if isinstance(value, Number) else number(value)
