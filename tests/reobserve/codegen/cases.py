@@ -15,7 +15,7 @@ from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fault_bank import FaultBank
-from reobserve.observers.fixed_gain import luenberger
+from reobserve.observers.fixed_gain import FixedGainObserver, luenberger
 from reobserve.observers.grid_filter import GridFilter
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo import ILO, SampledILO
@@ -63,10 +63,10 @@ def force(**options: Any) -> AugmentedKalmanFilter:
     return AugmentedKalmanFilter(model(), fault_matrix=push, random_walk=0.01, **options)
 
 
-def learning(kind: Any, K2: float) -> Any:
+def learning(kind: Any, K2: float, interval: float = 0.03) -> Any:
     """An iterative learning observer."""
     return kind(
-        BODY, K1=0.9, K2=K2, observer_gain=500.0, update_interval=0.03, sampling_period=0.01
+        BODY, K1=0.9, K2=K2, observer_gain=500.0, update_interval=interval, sampling_period=0.01
     )
 
 
@@ -115,6 +115,12 @@ def free() -> LinearModel:
     """The same model without an input."""
     whole = model()
     return LinearModel(whole.A, np.zeros((3, 0)), whole.C, Q=whole.Q, R=whole.R)
+
+
+def large() -> KalmanFilter:
+    """A filter of so many states that the library has loops of their own for it."""
+    A = 0.9 * np.roll(np.eye(14), 1, axis=0) + 0.02
+    return KalmanFilter(LinearModel(A, C=np.eye(2, 14), Q=0.1 * np.eye(14), R=[1.0, 2.0]))
 
 
 def filtering(made: Any) -> Made:
@@ -230,6 +236,12 @@ CASES: dict[str, Callable[[], Made]] = {
     "kalman_before": lambda: (
         KalmanFilter(model()), KalmanFilter(model()).init([1, 2, 3], 1.0, u=[0.5]),
     ),
+    "kalman_large": lambda: (large(), large().init(np.ones(14), 1.0)),
+    "imm_large": lambda: ((made := IMM([large()] * 2, np.full((2, 2), 0.5))), made.init(
+        np.ones(14), 1.0)),
+    "gain_gate": lambda: filtering(
+        FixedGainObserver(model(), gain=[[0.5, 0.0], [0.0, 0.7], [0.0, 1.1]], gate=1.2)
+    ),
     "augmented": lambda: (
         (made := force()),
         made.init([1.0, 2.0, 3.0], 1.0),
@@ -265,6 +277,7 @@ CASES: dict[str, Callable[[], Made]] = {
     "sampled_on": lambda: gone_on(learning(SampledILO, 200.0)),
     "continuous": lambda: (learning(ILO, 50.0), None),
     "continuous_on": lambda: gone_on(learning(ILO, 50.0)),
+    "continuous_long": lambda: (learning(ILO, 50.0, 0.3), None),
     "adaptive": lambda: (adaptive(), None),
     "adaptive_on": lambda: gone_on(adaptive()),
     "extended_state_on": extended_state,

@@ -30,6 +30,7 @@ def bank_program(observer: IMM, state: ImmState) -> Program:
             "of one inverse",
         )  # fmt: skip
     bank, gain, after, y, _, _, work, rows = observer._new_row().arguments
+    work = work._replace(of_filter=work.of_filter._replace(panel=None))  # as small models have it
     parts = state.means, state.covariances, state.errors, state.log_probabilities
     for part, values in zip(after, parts, strict=False):
         part[...] = values

@@ -39,6 +39,11 @@ def filter_program(observer: GaussianFilter, state: KalmanState) -> Program:
     if sample is not None:
         row.inputs[0, :p] = sample[m:]
     linear = observer.steps is kalman.LINEAR
+    # Loops of small models, which give the same numbers.
+    if linear:
+        work = work._replace(panel=None)
+    else:
+        work = work._replace(linear=work.linear._replace(panel=None))
     before = (method,) if linear else (method.weights, method.extended)
     run = (kalman if linear else nonlinear_filter)._run_rows
     u, started = np.empty(p), np.array(int(sample is not None))
