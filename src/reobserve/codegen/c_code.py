@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from textwrap import wrap
 
@@ -129,12 +128,6 @@ def source(program: Program, name: str) -> str:
     functions, step = code.functions(structures, head)
     if work:
         functions = f"typedef struct {{\n{work}}} {name}_work;\n\n{functions}"
-        scratch = f"    {name}_work scratch, *const work = &scratch;\n"
-        step = step.replace(")\n{\n", f")\n{{\n{scratch}", 1)
-    unread = [each for each in ("y", "u")[: 1 + bool(program.inputs)]
-              if not re.search(rf"\b{each}\b", step.split("\n{\n", 1)[1])]  # fmt: skip
-    for each in unread:
-        step = step.replace("\n{\n", f"\n{{\n    (void){each};\n", 1)
     for one in code.storages["constant"]:
         assert one.data is not None
         tables += _table(one.name, one.data, one.kind)

@@ -116,7 +116,12 @@ class Code:
         writer = Text(self.needed, structures)
         used = {call.routine for call in self.needed.calls.values() if call.live}
         functions = "".join(writer.function(one) for one in self._routines if one in used)
-        step = writer.function(self.step, head)
+        roots = writer.roots(self.step)
+        unread = [one for one in self.storages["given"] if one.name not in roots and all(one.shape)]
+        begin = "".join(f"    (void){one.name};\n" for one in unread)
+        if "work" in roots:
+            begin += f"    {structures['work']} scratch, *const work = &scratch;\n"
+        step = writer.function(self.step, head, begin)
         helpers = self.translator.helpers.items()
         needed = [text for name, text in helpers if re.search(rf"\b{name}[( ]", functions + step)]
         return "".join([*needed, functions]), step

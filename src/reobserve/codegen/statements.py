@@ -230,15 +230,18 @@ class Text:
     def __init__(self, needed: Needed, structures: Mapping[str, str]) -> None:
         self.needed, self.structures = needed, structures
 
-    def function(self, routine: Routine, head: str | None = None) -> str:
-        """A function with its comment, with a ``head`` of its own or as others call it."""
+    def function(self, routine: Routine, head: str = "", begin: str = "") -> str:
+        """A function with its comment, with a ``head`` of its own or as others call it.
+
+        Its first lines are those to ``begin`` with.
+        """
         found = (self._assigned(one) for one in walk(routine.body))
         variables = {one for one in found if one is not None and not one.parameter}
         for variable in sorted(variables, key=lambda each: each.name):
             self._declare(routine.body, variable)
-        about = "".join(line(part, "") for part in comment(routine.about))
+        about = line(f"/* {routine.about} */", "") if routine.about else ""
         body = "".join(self._lines(routine.body, 1, frozenset()))
-        return f"{about}{head or self._head(routine)}{{\n{body}}}\n\n"
+        return f"{about}{head or self._head(routine)}{{\n{begin}{body}}}\n\n"
 
     def _head(self, routine: Routine) -> str:
         kind = "void"
@@ -250,7 +253,7 @@ class Text:
                 pointer = isinstance(one, Storage)
                 const = "const " if pointer and one not in routine.effects else ""
                 given.append(f"{const}{one.kind} {'*' if pointer else ''}{one.name}")
-        given += [f"{self.structures[root]} *{root}" for root in self._roots(routine)]
+        given += [f"{self.structures[root]} *{root}" for root in self.roots(routine)]
         return line(f"static {kind} {routine.name}({', '.join(given) or 'void'})", "")
 
     def _is_read(self, routine: Routine) -> bool:
@@ -286,7 +289,7 @@ class Text:
             return one.target if isinstance(one.target, Variable) else None
         return None
 
-    def _roots(self, routine: Routine) -> list[str]:
+    def roots(self, routine: Routine) -> list[str]:
         """The structures and given arrays that a function and those it calls use, in order."""
         found = set()
         for one in walk(routine.body):
@@ -294,7 +297,7 @@ class Text:
                 if isinstance(key, Storage) and key.root in self.structures:
                     found.add(key.root)
                 elif isinstance(key, Call):
-                    found |= {*self._roots(key.routine)}
+                    found |= {*self.roots(key.routine)}
         return [root for root in self.structures if root in found]
 
     # --- Declarations ---
@@ -348,14 +351,14 @@ class Text:
             for parameter, argument in zip(call.routine.parameters, call.arguments, strict=True)
             if self._taken(call.routine, parameter)
         ]
-        return f"{call.routine.name}({', '.join([*parts, *self._roots(call.routine)])})"
+        return f"{call.routine.name}({', '.join([*parts, *self.roots(call.routine)])})"
 
     def _lines(self, block: Block, depth: int, visible: frozenset[str]) -> Iterator[str]:
         """The lines of a block, in which variables of some names are ``visible``."""
         space, above = "    " * depth, ""
         for one in block.statements:
             if isinstance(one, Comment):
-                above = "".join(line(part, space) for part in comment(one.text))
+                above = line(f"/* {one.text} */", space)
             elif one.live:
                 yield above
                 above = ""
@@ -449,8 +452,3 @@ def line(text: str, space: str) -> str:
     margins: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
     parts = wrap(text, WIDTH, initial_indent=space, subsequent_indent=f"{space}    ", **margins)
     return "".join(f"{part}\n" for part in parts)
-
-
-def comment(text: str) -> list[str]:
-    """A text as a comment of C."""
-    return [f"/* {text} */"] if text else []
