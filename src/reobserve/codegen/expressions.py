@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import inspect
 import math
 import operator
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from reobserve.codegen.sources import (
+    plain,
     stored,
 )
 from reobserve.codegen.statements import (
@@ -367,6 +369,8 @@ class Expressions:
                 elif one is not False:
                     found = one if found is False else found
             return found
+        if type(sign) not in _COMPARED:
+            self.refuse("such a comparison")
         text, operation = _COMPARED[type(sign)]
         if not isinstance(left, Number) and not isinstance(right, Number):
             return bool(operation(left, right))
@@ -554,7 +558,7 @@ class Expressions:
     def _of_routine(
         self, function: Any, name: str, given: list[Any], whole: bool, hint: str
     ) -> Any:
-        if not callable(function) and not hasattr(function, "pickled"):
+        if not inspect.isfunction(plain(function)) and not hasattr(function, "pickled"):
             self.refuse(f"a call of {name or 'what is no function'}")
         node = self.node
         routine, result, handed = self.of.called(function, name, given)

@@ -10,16 +10,22 @@ from functools import cache
 from textwrap import dedent
 from typing import Any
 
+from reobserve.core.errors import InputError
 from reobserve.systems.text_functions import compiled_rows
 
 
 @cache
 def source(function: Callable[..., Any]) -> tuple[ast.FunctionDef, dict[int, str], str, int]:
     """The tree of a function, its equations by the lines below them, its file and first line."""
-    lines, first = inspect.getsourcelines(function)
+    try:
+        lines, first = inspect.getsourcelines(function)
+    except OSError:
+        lines, first = [], 0
     text = dedent("".join(lines))
-    tree = ast.parse(text).body[0]
-    assert isinstance(tree, ast.FunctionDef)
+    tree = ast.parse(text).body[0] if lines else None
+    if not isinstance(tree, ast.FunctionDef):
+        name = function.__name__
+        raise InputError("observer", f"cannot be exported: {name} is defined in no file")
     equations, own = {}, [line.strip() for line in text.splitlines()]
     for place, line in enumerate(own):
         if line.startswith("# ") and "=" in line and "numba" not in line:

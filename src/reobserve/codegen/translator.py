@@ -466,6 +466,8 @@ class Body(Expressions):
         return index if stays else self._kept(index, "place")
 
     def _do_AugAssign(self, node: ast.AugAssign) -> None:
+        if type(node.op) not in ARITHMETIC:
+            self.refuse("such an operator")
         sign = ARITHMETIC[type(node.op)][0]
         value = self.expression(node.value)
         if isinstance(node.target, ast.Subscript):
@@ -476,7 +478,7 @@ class Body(Expressions):
             return
         assert isinstance(node.target, ast.Name)
         name = node.target.id
-        known = self.env[name]
+        known = self._of_Name(ast.Name(name))
         result = self._joined(node.op, known, value)
         if isinstance(known, Number) and known.text in self.open_loops:
             self.refuse(f"a change of {name}, the variable of a loop")

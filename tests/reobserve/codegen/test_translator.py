@@ -321,7 +321,14 @@ def beyond(x: Array, out: Array) -> int:
     return 0
 
 
+def paired(x: Array, out: Array) -> int:
+    for i, value in enumerate(x):
+        out[i] = value
+    return 0
+
+
 REFUSED = {
+    paired: ("a call of enumerate", 1),
     endless: ("While", 1), guarded: ("Try", 1), listed: ("ListComp", 1),
     unknown: ("the function gamma", 1), constant: ("no entry of an array that is written", 1),
     negative: ("a division with remainder of what may be negative", 2),
