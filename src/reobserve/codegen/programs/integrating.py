@@ -40,7 +40,7 @@ class StepRows:
         """The program whose memory ``held`` is moved from row to row, and begun at the first."""
         estimates, copies = reported(found, ())
         before = tuple(self.memory.values())
-        checked = (*before, *(checked or tuple(held.values())))
+        checked = checked or (*before, *held.values())
         return Program(
             title, _step,
             (self.y, self.u, self.started, *before, self.all, move, begin, given, checked, copies),
