@@ -85,7 +85,7 @@ def test_each_observer_is_tested_with_each_start_that_it_takes() -> None:
                 observer.run(np.ones((2, p)), np.ones((2, m)) if m else None)
 
 
-@pytest.mark.nightly_after(10)
+@pytest.mark.nightly_after(5)
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
 @pytest.mark.parametrize("name", NAMES)
 def test_c_code_compiles_without_warning_and_is_bitwise_equal_to_the_library(
