@@ -164,25 +164,15 @@ class Expressions:
 
     def expression(self, node: ast.expr, whole: bool = False, hint: str = "") -> Any:
         """The value of an expression, which as a ``whole`` may be a call that writes arrays."""
-        if isinstance(node, ast.Call):
-            return self._call(node, whole, hint)
-        if isinstance(node, ast.BoolOp):
-            return self._both(node, whole)
-        if isinstance(node, ast.UnaryOp):
-            return self._signed(node, whole)
-        if isinstance(node, ast.Tuple):
-            return self._several(node, whole, [""] * len(node.elts))
-        if isinstance(node, ast.Compare):
-            return self._compare(node, whole)
         method = getattr(self, f"_of_{type(node).__name__}", None)
         if method is None:
             self.refuse(f"an expression of the kind {type(node).__name__}")
-        return method(node)
+        return method(node, whole, hint)
 
-    def _of_Constant(self, node: ast.Constant) -> Any:
+    def _of_Constant(self, node: ast.Constant, *_: Any) -> Any:
         return node.value
 
-    def _of_Name(self, node: ast.Name) -> Any:
+    def _of_Name(self, node: ast.Name, *_: Any) -> Any:
         if node.id in self.env:
             return self.env[node.id]
         if node.id in self.scope:
@@ -191,7 +181,7 @@ class Expressions:
             self.refuse(f"{node.id}, which stands for several things here")
         return getattr(builtins, node.id)
 
-    def _of_Attribute(self, node: ast.Attribute) -> Any:
+    def _of_Attribute(self, node: ast.Attribute, *_: Any) -> Any:
         value = self.expression(node.value)
         if isinstance(value, Number) or not hasattr(value, node.attr):
             self.refuse(f"the attribute {node.attr}")
@@ -200,16 +190,15 @@ class Expressions:
         found = getattr(value, node.attr)
         return found.item() if isinstance(found, np.generic) else found
 
-    def _several(self, node: ast.Tuple, whole: bool, hints: list[str]) -> tuple[Any, ...]:
+    def _of_Tuple(self, node: ast.Tuple, whole: bool, hint: str) -> tuple[Any, ...]:
         values: list[Any] = []
-        for each, hint in zip(node.elts, hints, strict=False):
+        for each, name in zip(node.elts, [*hint.split(), *[""] * len(node.elts)], strict=False):
             # What a call writes must not have been read before it.
             read = [v for v in values if isinstance(v, Number) and v.reads]
-            name = hint if hint.isidentifier() and hint != "_" else ""
             values.append(self.expression(each, whole and not read, name))
         return tuple(values)
 
-    def _of_Subscript(self, node: ast.Subscript) -> Any:
+    def _of_Subscript(self, node: ast.Subscript, *_: Any) -> Any:
         value = self.expression(node.value)
         if isinstance(value, tuple):
             if isinstance(node.slice, ast.Slice):
@@ -289,7 +278,7 @@ class Expressions:
             start, shape[axis] = span.start, max(span.stop - span.start, 0)
         return replace(view.moved(axis, start), shape=tuple(shape))
 
-    def _signed(self, node: ast.UnaryOp, whole: bool) -> Any:
+    def _of_UnaryOp(self, node: ast.UnaryOp, whole: bool, _: str) -> Any:
         if isinstance(node.op, ast.Not):
             value = self.expression(node.operand, whole)
             if not isinstance(value, Number):
@@ -304,7 +293,7 @@ class Expressions:
         text = f"({text})" if text.startswith("-") else text
         return Number(f"-{text}", value.kind, SIGN, value.reads)
 
-    def _both(self, node: ast.BoolOp, whole: bool) -> Any:
+    def _of_BoolOp(self, node: ast.BoolOp, whole: bool, _: str) -> Any:
         """A conjunction or disjunction, whose further parts are computed if the first says so."""
         conjunction = isinstance(node.op, ast.And)
         value = self.expression(node.values[0], whole)
@@ -337,7 +326,7 @@ class Expressions:
             value = Number(text, "int32_t", level, value.reads | more.reads, True)
         return value
 
-    def _compare(self, node: ast.Compare, whole: bool) -> Any:
+    def _of_Compare(self, node: ast.Compare, whole: bool, _: str) -> Any:
         alone = all(isinstance(each, ast.Constant) for each in node.comparators)
         values = [self.expression(node.left, whole and alone)]
         values += [self.expression(each) for each in node.comparators]
@@ -388,7 +377,7 @@ class Expressions:
             return double(left), double(right)
         return first, second
 
-    def _of_IfExp(self, node: ast.IfExp) -> Any:
+    def _of_IfExp(self, node: ast.IfExp, *_: Any) -> Any:
         test = self.expression(node.test)
         if not isinstance(test, Number):
             return self.expression(node.body if test else node.orelse)
@@ -400,7 +389,7 @@ class Expressions:
         text = f"{condition} ? {parts[0]} : {parts[1]}"
         return Number(text, first.kind, TERNARY, reads, natural)
 
-    def _of_BinOp(self, node: ast.BinOp) -> Any:
+    def _of_BinOp(self, node: ast.BinOp, *_: Any) -> Any:
         left, right = self.expression(node.left), self.expression(node.right)
         return self._joined(node.op, left, right)
 
@@ -457,7 +446,7 @@ class Expressions:
 
     # --- Calls ---
 
-    def _call(self, node: ast.Call, whole: bool, hint: str) -> Any:
+    def _of_Call(self, node: ast.Call, whole: bool, hint: str) -> Any:
         if node.keywords:
             self.refuse("an argument by its name")
         if isinstance(node.func, ast.Attribute) and node.func.attr == "reshape":
@@ -475,6 +464,7 @@ class Expressions:
             inner = node.args[0]
             name = inner.attr if isinstance(inner, ast.Attribute) else getattr(inner, "id", "")
             function, given = given[0], list(given[1])
+        hint = hint if hint.isidentifier() and hint != "_" else ""
         known = self._known_function(function, given, hint)
         return self._of_routine(function, name, given, whole, hint) if known is None else known
 

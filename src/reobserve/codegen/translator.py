@@ -372,11 +372,9 @@ class Body(Expressions):
 
     def _do_Assign(self, node: ast.Assign) -> None:
         first = node.targets[0]
-        if isinstance(first, ast.Tuple) and isinstance(node.value, ast.Tuple):
-            value: Any = self._several(node.value, True, [ast.unparse(one) for one in first.elts])
-        else:
-            hint = first.id if isinstance(first, ast.Name) else ""
-            value = self.expression(node.value, whole=True, hint=hint)
+        several = first.elts if isinstance(first, ast.Tuple) else [first]
+        hint = " ".join(one.id if isinstance(one, ast.Name) else "_" for one in several)
+        value = self.expression(node.value, True, hint)
         if len(node.targets) > 1 or isinstance(node.targets[0], ast.Tuple):
             value = self._apart(value, node.targets)
         for target in node.targets:
@@ -478,7 +476,7 @@ class Body(Expressions):
             return
         assert isinstance(node.target, ast.Name)
         name = node.target.id
-        known = self._of_Name(ast.Name(name))
+        known = self.expression(ast.Name(name))
         result = self._joined(node.op, known, value)
         if isinstance(known, Number) and known.text in self.open_loops:
             self.refuse(f"a change of {name}, the variable of a loop")
