@@ -51,6 +51,10 @@ from reobserve.core.errors import InputError
 
 _MOST_UNROLLED = 2000
 
+# A loop is written out if it has so few repetitions, and so few statements come of it, or one for
+# each entry of a tuple: compilers then keep the entries of arrays in registers.
+_FEW, _SHORT, _TUPLE = 3, 8, 16
+
 # Names that code of C and C++ cannot have: words, those of math.h, also of older ones, and our own.
 RESERVED = frozenset(
     """auto break case char const continue default do double else enum extern float for goto if
@@ -557,10 +561,28 @@ class Body(Expressions):
         if isinstance(start, int) and isinstance(stop, int):
             places = range(start, stop, step)
             alone = len(places) == 1 and not jumps(node)
-            if not places or alone or self._needs_constant(node, len(places)):
+            if (
+                not places
+                or alone
+                or self._is_short(node, len(places))
+                or self._needs_constant(node, len(places))
+            ):
                 self._unrolled(node, list(places))
                 return
         self._loop(node, over, None)
+
+    def _is_short(self, loop: ast.For, count: int) -> bool:
+        """True for loops of a few assignments, and of one for each place of a tuple."""
+        inside = [one for one in ast.walk(loop) if isinstance(one, ast.stmt) and one is not loop]
+        if any(isinstance(one, ast.Expr | ast.Break | ast.Continue) for one in inside):
+            return False
+        if count <= _FEW:
+            return count * len(inside) <= _SHORT
+        assert isinstance(loop.iter, ast.Call)
+        match loop.iter.args:
+            case [ast.Call(func=ast.Name(id="len"), args=[values])] if len(inside) == 1:
+                return count <= _TUPLE and isinstance(self.expression(values), tuple)
+        return False
 
     def _range(self, node: ast.expr) -> tuple[Any, Any, int] | None:
         if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
@@ -602,7 +624,10 @@ class Body(Expressions):
         for value in values:
             self.once.append(node.body if len(values) == 1 else [])
             self.loop_depth.append(self.depth)
-            self._store(node.target, value)
+            if isinstance(node.target, ast.Name) and isinstance(value, int):
+                self.env[node.target.id] = value
+            else:
+                self._store(node.target, value)
             try:
                 self.statements(node.body)
             except _OverError as jump:

@@ -254,7 +254,7 @@ def _run(size: Sized, weights: Array, known: Array, y: Samples, u: Samples, rows
         for i in range(n):
             after[i] = 0.0
         for j in range(len(weights)):
-            for i in range(n):
+            for i in range(len(size)):
                 after[i] += weights[j, i] * known[j]
         total = 0.0
         for i in range(n):

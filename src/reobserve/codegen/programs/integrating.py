@@ -36,14 +36,19 @@ class StepRows:
     def program(
         self, title: str, move: Any, begin: Any, given: tuple[Any, ...], held: Mapping[str, Array],
         found: Mapping[str, Array], scratch: Mapping[str, Any], checked: tuple[Array, ...] = (),
+        series: Any = None,
     ) -> Program:  # fmt: skip
-        """The program whose memory ``held`` is moved from row to row, and begun at the first."""
-        estimates, copies = reported(found, ())
+        """The program whose memory ``held`` is moved from row to row, and begun at the first.
+
+        ``series`` are the arguments of the kernel that finds estimates in it, if there is one.
+        """
+        estimates, copies = reported(found, tuple(scratch.values()))
         before = tuple(self.memory.values())
         checked = checked or (*before, *held.values())
         return Program(
             title, _step,
-            (self.y, self.u, self.started, *before, self.all, move, begin, given, checked, copies),
+            (self.y, self.u, self.started, *before, self.all, move, begin, given, checked, series,
+             copies),
             self.y, self.u, {**held, **self.memory, "started": self.started}, estimates,
             leaves(rows=self.all, **scratch),
         )  # fmt: skip
@@ -51,7 +56,7 @@ class StepRows:
 
 def _step(
     y: Array, u: Array, started: Array, y_before: Array, u_before: Array, rows: Array, move: Any,
-    begin: Any, given: Any, checked: Any, copies: Any,
+    begin: Any, given: Any, checked: Any, series: Any, copies: Any,
 ) -> int:  # fmt: skip
     p, good = len(y), True
     for i in range(p):
@@ -73,6 +78,8 @@ def _step(
     started[0] = 1
     good = good and finite(checked)
     if good:
+        if series is not None:
+            normal_form._evaluate_rows(*series)
         report(copies)
     return 0 if good else 1
 
@@ -81,13 +88,14 @@ def differentiator(
     observer: levant.LevantDifferentiator, state: levant.LevantState | None
 ) -> Program:
     """Levant's differentiator."""
-    rows, path = StepRows(observer, state), np.empty((2, observer.order + 1))
-    begun = observer.init(np.zeros(observer.order + 1)) if state is None else state
+    rows, order = StepRows(observer, state), observer.order
+    begun = observer.init(np.zeros(order + 1)) if state is None else state
     z = begun.derivatives.copy()
+    path = np.broadcast_to(z, (2, order + 1))  # a step reads no entry that it has written
     given = z, path, levant._run, (observer._law, rows.all[::2, 0], path)
     return rows.program(
         "Robust exact differentiator", _along, _from_first if state is None else None, given,
-        {"derivatives": z}, {"derivatives": z}, {"path": path},
+        {"derivatives": z}, {"derivatives": z}, {},
     )  # fmt: skip
 
 
@@ -133,11 +141,12 @@ def transformed(
     path, x = np.empty((2, n)), np.empty((1, n))
     work = np.empty(max(len(injection.parent), len(T.parent))), np.empty((3, n))
     run = (*observer._transition, injection, work, rows.all, rows.all, path)
-    given = z, path, normal_form._run_transformed, run, (T, work[0], z[None], x)
+    given = z, path, normal_form._run_transformed, run
     title = f"Normal-form observer of order {observer.order}, transformed"
     return rows.program(
-        title, _along_transformed, _transform, given, {"z": z}, {"state": x[0], "coordinates": z},
+        title, _along, None, given, {"z": z}, {"state": x[0], "coordinates": z},
         {"path": path, "monomials": work[0], "injected": work[1], "x": x},
+        series=(T, work[0], z[None], x),
     )  # fmt: skip
 
 
@@ -209,16 +218,6 @@ def _from_first(y: Array, z: Array, path: Array, run: Any, given: Any) -> None:
     z[0] = y[0]
 
 
-def _along_transformed(z: Array, path: Array, run: Any, given: Any, series: Any) -> bool:
-    good = _along(z, path, run, given)
-    normal_form._evaluate_rows(*series)
-    return good
-
-
-def _transform(y: Array, z: Array, path: Array, run: Any, given: Any, series: Any) -> None:
-    normal_form._evaluate_rows(*series)
-
-
 def _known_along(z: Array, known: Array, run: Any, given: Any) -> bool:
     for i in range(len(z)):
         known[i] = z[i]
@@ -232,8 +231,6 @@ def _turned(
     run: Any, front: Any, w: Array, held: Array, phase: Array, delay: int | None, step: Any,
     first: Any, fresh: bool,
 ) -> bool:  # fmt: skip
-    for i in range(3):
-        step[1].fault[1, i] = 0.0  # where the loop ends before it
     if delay is None:
         good: bool = run(*front, w, held, *step) == 2
     else:
