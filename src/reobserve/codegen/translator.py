@@ -558,6 +558,7 @@ class Body(Expressions):
             self._loop(node, (0, values.shape[0], 1), values)
             return
         start, stop, step = over
+        assert isinstance(node.target, ast.Name)
         if isinstance(start, int) and isinstance(stop, int):
             places = range(start, stop, step)
             alone = len(places) == 1 and not jumps(node)
@@ -568,6 +569,8 @@ class Body(Expressions):
                 or self._needs_constant(node, len(places))
             ):
                 self._unrolled(node, list(places))
+                if len(places) > 1:
+                    self.env = {name: v for name, v in self.env.items() if name != node.target.id}
                 return
         self._loop(node, over, None)
 

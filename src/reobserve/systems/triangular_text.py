@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,19 +14,9 @@ from reobserve.systems.triangular import TriangularModel
 _MOST_OPERATIONS = 1000  # of all right-hand sides: compiling takes some milliseconds for each
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class TextModel(TriangularModel):
-    """A triangular model that keeps what its functions were compiled from.
-
-    ``drift_code``, n texts, and ``gain_code`` are expressions of Python in ``x[0]``, ``x[1]`` and
-    functions of ``math``.
-    """
-
-    drift_code: tuple[str, ...]
-    gain_code: str
-
-
-def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain: str) -> TextModel:
+def triangular_model(
+    variables: Sequence[str], drift: Sequence[str], input_gain: str
+) -> TriangularModel:
     """The model x' = Lambda x + f(x) + (0, ..., 0, G(y))^T u, in the grammar of power series.
 
     Parameters
@@ -43,8 +32,8 @@ def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain:
     --------
     >>> from reobserve.systems.triangular_text import triangular_model
     >>> pendulum = triangular_model(["a", "w"], drift=["0", "-20*sin(a) - w/2"], input_gain="20")
-    >>> print(pendulum.states, pendulum.drift_code)
-    2 ('0', '-1/2*x[1] - 20*math.sin(x[0])')
+    >>> print(pendulum.states)
+    2
     """
     sympy = package("sympy", "read expressions")
     for name, given in (("variables", variables), ("drift", drift)):
@@ -72,7 +61,5 @@ def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain:
             raise InputError(place, problem)
         rows.append(code)
     *rows, gain = rows
-    return TextModel(
-        len(variables), compiled_rows(tuple(rows)), compiled_rows((gain,)), np.zeros(0),
-        tuple(rows), gain,
-    )  # fmt: skip
+    f, G = compiled_rows(tuple(rows)), compiled_rows((gain,))
+    return TriangularModel(len(variables), f, G, np.zeros(0))

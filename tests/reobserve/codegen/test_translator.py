@@ -55,6 +55,31 @@ def jumps(x: Array, out: Array) -> int:
     return 0
 
 
+def short(x: Array, out: Array) -> int:
+    four = (1.0, 2.0, 3.0, 4.0)
+    last = 0
+    for i in range(2):
+        if x[i] > 0.0:
+            last += i + 1
+    for i in range(3):
+        for j in range(2):
+            out[i] = x[j] if x[i] > x[j] else float(last)
+    for k in range(5):
+        total = 0.0
+        for i in range(2):
+            total += x[i] * i
+            if total > x[k]:
+                last = i + k
+        for i in range(len(four)):
+            total += four[i] * x[i]
+        out[3 + k] = total + last
+    for i in range(2):
+        for j in range(2):
+            if x[i] > 10.0 * x[j]:
+                return 0
+    return 0
+
+
 @kernel
 def _clipped(value: float, least: float, most: float) -> float:
     if value < least:
@@ -227,7 +252,7 @@ def absent(x: Array, out: Array, pair: Pair) -> int:
 shared = np.zeros(2)
 CONSTRUCTS: dict[Callable[..., int], tuple[Any, ...]] = {
     **dict.fromkeys((descending, jumps, calls, conditions, extremes, powers, swaps, views), ()),
-    **dict.fromkeys((numbers, choices, functions, changed), ()),
+    **dict.fromkeys((numbers, choices, functions, changed, short), ()),
     fields: (Pair(np.zeros(2), np.zeros(2)), Pair(shared, shared)),
     absent: (Pair(2.5, None),),
 }

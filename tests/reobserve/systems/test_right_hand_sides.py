@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reobserve.codegen.sources import rows_of
 from reobserve.core.errors import InputError
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.polynomials.maps import PolynomialMap
@@ -103,5 +104,5 @@ def test_integers_of_more_than_64_bits_are_compiled() -> None:
 def test_variable_names_do_not_collide_with_function_names() -> None:
     """Compiled code uses only numbers and math functions, whatever names the user chose."""
     model = triangular_model(["math", "out"], ["-sin(math)", "math*out"], "exp(math)")
-    assert model.drift_code == ("-math.sin(x[0])", "x[0]*x[1]")
-    assert model.gain_code == "math.exp(x[0])"
+    assert rows_of(model.drift) == ("-math.sin(x[0])", "x[0]*x[1]")
+    assert rows_of(model.input_gain) == ("math.exp(x[0])",)

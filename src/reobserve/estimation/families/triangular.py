@@ -14,7 +14,8 @@ from reobserve.estimation.families.signals import check_keys, named
 from reobserve.estimation.observer_design import System
 from reobserve.observers.fixed_step import check_rate
 from reobserve.synthesis.high_gain_design import lyapunov_matrix
-from reobserve.systems.triangular_text import TextModel, triangular_model
+from reobserve.systems.triangular import TriangularModel
+from reobserve.systems.triangular_text import triangular_model
 
 Array = FloatArray
 
@@ -58,7 +59,7 @@ class TriangularSystem(System):
             raise InputError(place, f"is of no state{nearest(name, self.states)}")
 
     @cached_property
-    def model(self) -> TextModel:
+    def model(self) -> TriangularModel:
         """The model of f and G, compiled, or `InputError` for the key whose text cannot be."""
         names = list(self.states)
         drift = [str(self.drift[name]) for name in names]
