@@ -83,6 +83,11 @@ def nees(run: Run[Any], state: ArrayLike) -> Array:
     state
         The true states, of the shape of ``run["state"]``; nan where they are not known.
 
+    Raises
+    ------
+    InputError
+        If the run is none, the states have another shape, or squares of errors overflow.
+
     Examples
     --------
     >>> from reobserve import KalmanFilter, LinearModel
@@ -97,7 +102,10 @@ def nees(run: Run[Any], state: ArrayLike) -> Array:
     if truth.shape != estimates.shape:
         raise InputError("state", f"has shape {truth.shape}, must be {estimates.shape}")
     errors = wrapped(truth - estimates, run.periods.get("state", 0.0))
-    return _normalised(errors, run["covariance"])[0]
+    squares = _normalised(errors, run["covariance"])[0]
+    if np.isinf(squares).any():
+        raise InputError("state", f"{np.nanmax(np.abs(truth)):g} is too far from the estimates")
+    return squares
 
 
 @dataclass(frozen=True, eq=False)

@@ -184,9 +184,9 @@ def test_specification_is_refused_naming_the_key(
 def test_observer_without_fixed_steps_is_refused_in_one_sentence(
     empty: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Path("log.yaml").write_bytes(
-        as_yaml(tree_of("normal-form-identity", observer={"gain": "jacobian"}))
-    )
+    tree = tree_of("extended-high-gain")
+    tree["observer"]["gains"]["initial_matrix"] = 1.0
+    Path("log.yaml").write_bytes(as_yaml(tree))
     assert main(["export", "log.yaml", "--out", "code"]) == 1
     reported = capsys.readouterr().err
     assert reported.startswith("reobserve: log.yaml: observer: ")

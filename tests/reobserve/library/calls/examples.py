@@ -120,6 +120,7 @@ def _call(name: str, function: Callable[..., Any], arguments: dict[str, Any]) ->
         [every[k].replace(kind=1, default=inspect.Parameter.empty) for k in usual]
     )
     takes = (*(MISSING if MAY_MISS & {*usual} else ()), *(COMPLEX if "poles" in usual else ()))
+    takes += MISSING if ".nees" in name else ()
     return Call(name, call, tuple(usual.values()), takes)
 
 
