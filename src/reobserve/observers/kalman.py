@@ -158,7 +158,8 @@ def blocks(shapes: Sequence[tuple[int, ...]]) -> Iterator[Array]:
 
 @inlined_kernel
 def fill(target: Array, value: float) -> None:
-    """Fill a vector with one value, as to assign to a slice takes the compiler seconds."""
+    """Fill a vector with one value."""
+    # Assigning to a slice takes the compiler seconds.
     for i in range(len(target)):
         target[i] = value
 
@@ -284,9 +285,9 @@ def predict(
         for b in range(n):
             total += A[a, b] * mean[b]
         moved[a] = total
-    # P = (A P) A' + Q
     for a in range(n):
         next_mean[a] = shortest(moved[a], work.rules.state_periods[a])
+    # P = (A P) A' + Q
     if panel is None:
         for a in range(n):
             for b in range(n):
