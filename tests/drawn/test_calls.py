@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 
 import reobserve
 from reobserve import KalmanFilter, LinearModel, normal_form_observer
+from reobserve.detection import nees
 from reobserve.systems.periods import wrapped
 from tests.reobserve.bad_input.odd import WORDS, changed
 from tests.reobserve.bad_input.outcome import is_accepted, limited_memory
@@ -249,6 +250,7 @@ def refused(function: Callable[..., object], valid: Any, odd: Any) -> Odd:
 @example(refused(lambda periods: wrapped([1.0, 2.0], periods), 1.0, [[1.0, 2.0]]))
 @example(refused(lambda periods: wrapped([1.0], periods), 1.0, 1j))
 @example(refused(lambda values: wrapped(values, 1.0), [1.0], "a"))
+@example(refused(lambda state: nees(RUN, state), [[0.0], [1.0]], [[1e308], [1.0]]))
 @example(
     refused(lambda x: normal_form_observer(["-a"], ["a"], ["a"], gain=x, **KNOWN), "series", 1)
 )
