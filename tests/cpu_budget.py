@@ -4,7 +4,8 @@ A case may take `CASE` seconds and the cases of one function `FUNCTION` in all, 
 stays whatever it takes. Tests beyond that are for `make nightly`: shorten them, or mark them with
 `nightly`, or the function with `nightly_cases(names)`, or with `nightly_after(n)`, which keeps its
 first n cases. Those in `tests/drawn`, which make many calls each, may take `DRAWN`. Measured are
-this process and its children that have ended, without fixtures that tests share.
+this process and its children that have ended, without fixtures that tests share and without what
+this process compiles, which falls to whichever test comes first.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pytest
+from numba.core import event
 
 from tests.forks import Forks
 
 CASE, FUNCTION = 3.0, 2.0
 DRAWN = 20.0
-COLD = 30.0  # of a case that compiles all that it needs, as on a clean checkout
+COLD = 30.0  # of a case whose programs compile all that they need, as on a clean checkout
 _DRAWN = "tests/drawn/"
 SMALL = 0.2  # what further cases of a function may take after an expensive first one
 
@@ -32,6 +34,25 @@ def cpu_seconds() -> float:
     """CPU seconds of this process, of its children that have ended, and of programs in forks."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + children.ru_utime + children.ru_stime + Forks.seconds
+
+
+class Compilation(event.Listener):
+    """The CPU seconds in which this process compiled kernels, those within others once."""
+
+    def __init__(self) -> None:
+        self.seconds, self._depth = 0.0, 0
+
+    def on_start(self, event: event.Event) -> None:
+        """Begin with the outermost kernel."""
+        if not self._depth:
+            self.seconds -= time.process_time()
+        self._depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        """End with the outermost kernel."""
+        self._depth -= 1
+        if not self._depth:
+            self.seconds += time.process_time()
 
 
 def beyond(cases: Mapping[str, float], factor: float = 1.0) -> list[str]:
@@ -65,6 +86,8 @@ class CpuBudget:
         self.config = config
         self.cases: dict[str, float] = {}
         self._shared, self._depth = 0.0, 0
+        self._compilation = Compilation()
+        event.register("numba:compile", self._compilation)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
@@ -84,19 +107,19 @@ class CpuBudget:
         """Take the time of shared fixtures apart."""
         shared = fixturedef.scope != "function"
         self._depth += shared
-        start = cpu_seconds()
+        start = self._seconds()
         try:
             return (yield)
         finally:
             self._depth -= shared
             if shared and not self._depth:
-                self._shared += cpu_seconds() - start
+                self._shared += self._seconds() - start
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         """Begin to measure a test."""
         self._shared = 0.0
-        item.stash[_USED] = cpu_seconds()
+        item.stash[_USED] = self._seconds()
         return (yield)
 
     @pytest.hookimpl(wrapper=True)
@@ -104,7 +127,7 @@ class CpuBudget:
         """Note in the last report of a test what it took."""
         report = yield
         if call.when == "teardown" and item.get_closest_marker("nightly") is None:
-            used = cpu_seconds() - item.stash[_USED] - self._shared
+            used = self._seconds() - item.stash[_USED] - self._shared
             report.user_properties.append(("cpu_seconds", used))
         return report
 
@@ -132,6 +155,10 @@ class CpuBudget:
         for line in failures or lines:
             terminalreporter.write_line(f"{'FAILED ' if failures else ''}{line}")
 
+    def _seconds(self) -> float:
+        """CPU seconds so far, without those of compilation."""
+        return cpu_seconds() - self._compilation.seconds
+
     def _failures(self) -> list[str]:
         limit = self.config.getoption("cpu_limit")
         if limit == "twice":
@@ -150,7 +177,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--cpu-limit", choices=("none", "cold", "twice"), default="none",
         help="fail where tests that are not nightly take over twice their CPU seconds (twice), "
-        f"or a case over {COLD:g} (cold: kernels are compiled)",
+        f"or a case over {COLD:g} (cold: programs compile kernels)",
     )  # fmt: skip
 
 

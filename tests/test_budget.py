@@ -112,6 +112,7 @@ def test_twice_the_budget_is_for_cases_and_functions() -> None:
 
 BURN = """
 import subprocess, sys
+import numba
 import pytest
 
 BUSY = "import time\\nwhile time.process_time() < {}: pass"
@@ -126,16 +127,17 @@ def shared():
 @pytest.mark.nightly_cases("0")
 @pytest.mark.parametrize("one", [1, 0, 2, 3])
 def test_burns(shared, one):
+    numba.njit(lambda x: x + one)(1.0)
     subprocess.run([sys.executable, "-c", BUSY.format(0.15 * one)])
 """
 
 
 @pytest.mark.nightly_after(1)
-@pytest.mark.parametrize("processes", ["1", "0"])
+@pytest.mark.parametrize("processes", ["0", "1"])
 def test_plugin_measures_cases_and_leaves_late_ones_to_the_night(
     tmp_path: Path, processes: str
 ) -> None:
-    """Children count, fixtures that tests share do not; in one process and in others."""
+    """Children count, fixtures that tests share and compilation do not; one process or several."""
     (tmp_path / "test_burn.py").write_text(BURN)
     (tmp_path / "pytest.ini").write_text(
         "[pytest]\nmarkers = nightly\n  nightly_after\n  nightly_cases\n"
@@ -154,6 +156,6 @@ def test_plugin_measures_cases_and_leaves_late_ones_to_the_night(
         for one in case.iter("property")
     }
     assert set(found) == {"test_burns[1]", "test_burns[2]"}
-    assert 0.15 < found["test_burns[1]"] < 0.4  # 0.65 with the fixture
+    assert 0.15 < found["test_burns[1]"] < 0.4  # 0.65 with the fixture, 0.45 with compilation
     assert 0.3 < found["test_burns[2]"] < 0.6
     assert "in 2 cases that are not nightly; 0 beyond the budget" in done.stdout

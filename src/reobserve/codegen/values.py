@@ -173,13 +173,13 @@ def union(parts: Iterable[Reads]) -> Reads:
 
 
 def literal(value: Any) -> str:
-    """A number as C writes it."""
+    """A number as C writes it, where those of math.h may be of any type."""
     if isinstance(value, bool | np.bool_ | int | np.integer):
         return str(int(value))
     if math.isnan(value):
-        return "NAN"
+        return "(double)NAN"
     if math.isinf(value):
-        return "INFINITY" if value > 0 else "-INFINITY"
+        return "(double)INFINITY" if value > 0 else "-(double)INFINITY"
     return repr(float(value))
 
 
@@ -187,7 +187,6 @@ def number(value: Any) -> Number:
     """A constant as a number."""
     whole = isinstance(value, bool | int | np.bool_ | np.integer)
     text = literal(value)
-    text = f"(double){text}" if text[-1] in "NY" else text  # of math.h, of any type
     level = SIGN if text[0] in "-(" else ATOM
     return Number(text, "int32_t" if whole else "double", level, NOTHING, whole and value >= 0)
 
