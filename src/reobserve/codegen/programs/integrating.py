@@ -44,7 +44,8 @@ class StepRows:
         """
         estimates, copies = reported(found, tuple(scratch.values()))
         before = tuple(self.memory.values())
-        checked = checked or (*before, *held.values())
+        # A record's kernel itself ends where its rows are not finite.
+        checked = checked or (before if move is _along else (*before, *held.values()))
         return Program(
             title, _step,
             (self.y, self.u, self.started, *before, self.all, move, begin, given, checked, series,
