@@ -21,6 +21,7 @@ from reobserve_papers.claims.registry import read_claims
 from reobserve_papers.figure_diff.pixels import read_pixels
 from reobserve_papers.parameters.parameter_file import Configuration
 from reobserve_papers.parameters.parameters import Parameters
+from reobserve_papers.parameters.prepare import _DEFAULTS
 from tests import ROOT
 
 from . import FIVE
@@ -145,4 +146,8 @@ def test_build_options_are_listed_in_the_config_table() -> None:
     assert {name: yaml.safe_load(value) for name, value in rows.items() if value} == defaults
     folders = {path.name for path in (ROOT / "config").iterdir() if path.is_dir()}
     assert folders <= set(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE))
-    assert set(rows) == set(Configuration.model_fields)
+    fields = Configuration.model_fields
+    assert set(rows) == set(fields)
+    left_out = {name: one.default for name, one in fields.items() if not one.is_required()}
+    assert left_out == {"papers": None, "bench": None, **_DEFAULTS}
+    assert defaults == {**defaults, **_DEFAULTS}

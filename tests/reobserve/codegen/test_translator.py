@@ -48,6 +48,11 @@ def jumps(x: Array, out: Array) -> int:
             if x[j] > x[i]:
                 break
             out[i] = x[j]
+        if x[i] > 0.5:
+            for place, value in ((0, x[1]), (1, x[2]), (2, x[3])):
+                if place == 1:
+                    break
+                out[i] += value
         if count == 3:
             break
         count += 1

@@ -541,7 +541,9 @@ def test_only_correctly_aligned_rows_give_the_true_values(case: Case) -> None:
             assert worst_error(case, u=u) > case.worse * aligned
 
 
-def test_long_loops_can_be_interrupted(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_loops_look_in_time_and_can_be_interrupted(
+    case: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
     if isinstance(case.observer, IMM) and not case.observer._linear:
         pytest.skip("its loop is one of Python")
     if numba.config.DISABLE_JIT:
@@ -550,11 +552,17 @@ def test_long_loops_can_be_interrupted(case: Case, monkeypatch: pytest.MonkeyPat
     class SignalError(Exception):
         pass
 
-    def raise_it(row: int) -> int:
-        raise SignalError
+    rows = []
+
+    def raise_late(row: int) -> int:
+        rows.append(row)
+        if row > FIRST:
+            raise SignalError
+        return row + FIRST
 
     times = 2 * FIRST // len(case.y) + 1
     y, u = (None if one is None else np.concatenate([one] * times) for one in (case.y, case.u))
-    monkeypatch.setattr("reobserve.core.interrupts.next_poll", raise_it)
+    monkeypatch.setattr("reobserve.core.interrupts.next_poll", raise_late)
     with pytest.raises(SignalError):
         case.observer.run(y, u, start=case.state, on_divergence="return")
+    assert rows == [FIRST, 2 * FIRST]

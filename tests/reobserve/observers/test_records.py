@@ -19,6 +19,8 @@ from reobserve import (
     UnscentedKalmanFilter,
     rts_smoother,
 )
+from reobserve.core import interrupts
+from reobserve.core.interrupts import FIRST
 from reobserve.observers import (
     gaussian_filter,
     imm,
@@ -118,6 +120,16 @@ def test_a_record_that_diverges_leaves_the_others_alone(row: int) -> None:
     assert run.record(1).diverged_at == alone.diverged_at
     assert run.record(0).diverged_at is None
     assert run.end[1] is one.state or not differing(remembered(run.end[1]), remembered(one.state))
+
+
+@pytest.mark.parametrize("kind", ["Kalman", "EKF"])
+def test_loops_look_for_interrupts_by_the_rows_of_all_records(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, looks = GIVEN[kind](), []
+    monkeypatch.setattr(interrupts, "next_poll", lambda row: looks.append(row) or row + FIRST)
+    one.observer.run(np.zeros((3, 100, 2)), np.zeros((3, 100, 2)), start=one.state)
+    assert looks == [FIRST, 2 * FIRST]
 
 
 # --- What a run keeps -----------------------------------------------------------------------------
