@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ from scipy.linalg import expm
 
 from reobserve.core.documents import Tree, parse_yaml
 from reobserve.core.errors import InputError
-from reobserve.estimation.families import family
+from reobserve.estimation.families import FAMILIES, family
 from reobserve.estimation.families.examples import model_text
 from reobserve.estimation.families.poles import as_pole_list
 from reobserve.estimation.families.signals import product
@@ -37,6 +38,22 @@ def design(kind: str, **changed: Any) -> Any:
     made: Any = family(kind)
     found: Design = made.designed(model(kind, **changed))
     return found
+
+
+UNSAID = {"step_growth", "square", "innovation_sigma_angle"}
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_summary_says_the_numbers_of_the_certificate(kind: str) -> None:
+    built = design(kind)
+    certificate = built.certify()
+    text = " ".join(replace(built, certificate=certificate).summary())
+    said = [float(number) for number in re.findall(r"\d+\.?\d*(?:e[+-]\d+)?", text)]
+    for name in certificate.keys() - UNSAID:
+        period = built.system.sampling_period if name.startswith(("samples", "rows")) else 1.0
+        values = [] if isinstance(certificate[name], str) else np.abs(np.ravel(certificate[name]))
+        for value in values:
+            assert value < 1e-12 or np.isclose(said, value * period, rtol=5e-4, atol=0).any(), name
 
 
 def poles(design: Design) -> Any:
@@ -218,8 +235,6 @@ def test_bank_modes_are_sampled_individually() -> None:
         assert pytest.approx(whole[:2, :2], abs=1e-14) == one.model.A
         assert pytest.approx(whole[:2, 2:], abs=1e-14) == one.model.B
     assert built.certify()["samples_in_worn"] == pytest.approx(1000)
-    built = replace(built, certificate=built.certify())
-    assert built.summary()[-1] == "worn: stays for 10 s on average"
     names = [signal.name for signal in built.estimates["probability"]]
     assert names == ["probability_healthy", "probability_worn"]
     with pytest.raises(InputError, match=r"modes.worn.A: has shape \(1, 1\), must be \(2, 2\)"):
