@@ -147,7 +147,7 @@ ALL = [(1, kind) for kind in ONE]
     tail=st.booleans(),
     block=st.sampled_from([40, 300, 2**20]),
 )
-@example(draws=[*ALL, (2, "gap")], tail=True, block=2**20)
+@example(draws=[*ALL, (2, "gap"), ALL[0]], tail=True, block=2**20)
 @example(draws=[(3, "sensor"), (0, "gap"), (1, "jitter")], tail=True, block=40)
 def test_all_and_only_the_planted_faults_are_listed(
     draws: list[tuple[int, str]], tail: bool, block: int, tmp_path_factory: pytest.TempPathFactory
@@ -166,6 +166,7 @@ def test_all_and_only_the_planted_faults_are_listed(
     if "jitter" in wrong:  # of which the first row says it
         wrong["jitter"] = wrong["jitter"][:1]
     assert found == {kind: (len(at), at[:3]) for kind, at in wrong.items()}
+    assert [at[0] for _, at in found.values()] == sorted(at[0] for _, at in found.values())
     assert listed == said(tree(), data, block=2**20)
 
 
