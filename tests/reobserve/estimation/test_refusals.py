@@ -288,6 +288,15 @@ def test_fault_of_a_whole_record_is_one_refusal(name: str, block: int, tmp_path:
     assert places(sentence, notes)[0] == count
 
 
+@pytest.mark.parametrize("name", ["period", "mean", "few", "jitter"])
+def test_fault_of_a_whole_record_is_refused_beside_that_of_a_row(name: str, tmp_path: Path) -> None:
+    sections, lines, form, _ = WHOLE[name]
+    spoiled = [line.replace(",1.0", ",OFF") if k == 4 else line for k, line in enumerate(lines)]
+    listed = said(tree(**sections), written(tmp_path, *spoiled))
+    for wanted, (sentence, _) in zip((SENTENCES["cell"], form), listed[::-1], strict=True):
+        assert re.search(wanted, sentence)
+
+
 def test_many_texts_are_listed_to_a_limit(tmp_path: Path) -> None:
     lines = ["t,y,z", *(f"{k},x{k},2.0" for k in range(400))]
     listed = said(tree(), written(tmp_path, *lines))
