@@ -94,7 +94,7 @@ def test_library_and_its_tests_import_nothing_of_the_papers() -> None:
 # Modules that no public name, command or family needs, and the pages for users on them.
 FOR_CALLS = {
     "reobserve.detection.restarted_cusum": "explanation/bench-results.md",
-    "reobserve.synthesis.ilo_certificate": "reference/calls.md",
+    "reobserve.synthesis.ilo_certificate": "tutorials/ilo.md",
 }
 
 
