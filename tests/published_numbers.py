@@ -118,11 +118,6 @@ def of_ilo() -> Iterator[str]:
     for variant in ("sampled", "continuous", "forgetting"):
         cells = [_held("ilo", claim, variant) for claim in (*accurate, rival)]
         yield f"| `{variant}` | {' | '.join(cells)} |"
-    forgetting, sampled, continuous = (
-        _held("ilo", "stability_proved", name) for name in ("forgetting", "sampled", "continuous")
-    )
-    yield f"in {forgetting} samples of `forgetting` and in {sampled} of `sampled`"
-    yield f"In {continuous} samples of `continuous`"
 
 
 def of_lie() -> Iterator[str]:
@@ -298,7 +293,7 @@ def of_imm() -> Iterator[str]:
 
 
 def _of_samples() -> Iterator[str]:
-    """How often quoted values hold, and a main claim of filters with random gains."""
+    """How often a main claim holds, also of filters with random gains."""
     decider = _paper("imm").decider
     null = next(one for one in decider.registry.claims if one.name == "svsf_robust").with_null
     random = decider.counted(null, decider.outcomes(null))
@@ -311,9 +306,6 @@ def _of_samples() -> Iterator[str]:
     inside, others = (f"{words.count('holds')} of {len(words)}" for words in sides.values())
     yield f"in {inside} samples with three outputs"
     yield f"in {others} others"
-    for claim in _paper("imm").claims:
-        if claim.robustness and claim.name.endswith("_quoted"):
-            yield f"held in {claim.robustness.held} of {claim.robustness.samples} samples"
 
 
 def _parameters(section: str, name: str) -> dict[str, Any]:
@@ -416,10 +408,7 @@ def of_eso() -> Iterator[str]:
 
 def _of_eso_shares() -> Iterator[str]:
     """In how many samples claims hold, and with which alternatives."""
-    amperes, milliamperes = (_held("eso", "faster", unit) for unit in ("A", "mA"))
-    yield f"it does in {held('eso', 'faster')} samples: in {amperes} with the PI observer's current"
-    yield f"and in {milliamperes} in mA"
-
+    yield f"it does in {held('eso', 'faster')} samples"
     yield f"as in the paper's table, it is in {_held('eso', 'disturbances_attenuated', 'A')}."
     words = [word for _, word in _outcomes("eso", "disturbances_attenuated")]
     yield f"in {words.count('tie')} others the two differ by less than 5 %"
