@@ -32,7 +32,7 @@ _DEFINITIONS = (
     "volt_second = volt * second = Vs", "ampere_second = ampere * second = As",
     "watt_second = watt * second = Ws", "joule_second = joule * second = Js",
     "volt_ampere_reactive = volt * ampere = var = VAr", "gauss = 1e-4 * tesla = G",
-    "@alias ohm = Ohm",
+    "@alias ohm = Ohm", "hectonanosecond = 100 * nanosecond = hns",  # of Windows
 )  # fmt: skip
 
 # Symbols that pint knows as one thing, and engineers as two.
@@ -61,7 +61,7 @@ _SCALES = {"c": "°C", "f": "°F", "k": "kelvin", "r": "degree_Rankine"}
 _SCALE = "cel[sc]ius|centigrade|fahrenheit|kelvins?|rankine"
 _DEGREE = r"(?:°|\b(?:deg(?:ree)?s?\.?|grad))[\s_-]*"
 _DEGREES = re.compile(rf"{_DEGREE}([cfkr]|{_SCALE})\b|\b({_SCALE})\b|\b([cfkr])°", re.IGNORECASE)
-_PLAIN_POWER = re.compile(r"(?<![\w^*.])([A-Za-zΩµμ]+)(-?[1-4])(?![\w.])")
+_PLAIN_POWER = re.compile(r"(?<![\w^*.])((?![Ll]\d)[A-Za-zΩµμ]+)(-1|-?[2-4])(?![\w.])")
 _LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"
 _TOKEN = re.compile(rf"(?<![\w.°]){_LETTER}+(?!{_LETTER}|[\d_])")
 # A second factor after a stroke, which may be meant to be below it or not.

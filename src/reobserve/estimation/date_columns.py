@@ -27,7 +27,7 @@ _EXACT = 2**53  # whole numbers up to it are floats
 _FARTHEST = 9e9  # [s] from 1970, which 64 bits hold in nanoseconds
 _DIRECTIVES = {
     "Y": r"\d{4}", "m": r"\d{2}", "d": r"\d{2}", "H": r"\d{2}", "M": r"\d{2}", "S": r"\d{2}",
-    "f": r"\d{1,6}", "%": "%",
+    "f": r"\d{1,9}", "%": "%",
 }  # fmt: skip
 
 
@@ -38,7 +38,7 @@ def read(
     import pyarrow as pa
     import pyarrow.compute as compute
 
-    missing = pa.array(sorted(nothing))
+    missing = compute.split_pattern("\n".join(sorted(nothing)), "\n").values
     columns = [column.cast(pa.string()) for column in columns]
     if (
         dates.day
@@ -79,9 +79,13 @@ def _nanoseconds(texts: Any) -> tuple[Whole, bool] | None:
 
     for zone in ("UTC", None):
         with suppress(pa.ArrowException):  # where some have an offset and others none, always
-            ticks = texts.cast(pa.timestamp("ns", zone)).cast(pa.int64())
-            return np.asarray(ticks), zone is None
+            return numbers(texts.cast(pa.timestamp("ns", zone)).cast(pa.int64())), zone is None
     return None
+
+
+def numbers(column: Any) -> Any:
+    """A full column as numpy, as ``to_numpy`` would import pandas to look at it."""
+    return np.from_dlpack(column if hasattr(column, "offset") else column.combine_chunks())
 
 
 def _as_iso(texts: Any, form: str) -> Any:
@@ -95,8 +99,9 @@ def _as_iso(texts: Any, form: str) -> Any:
         if not directive or directive == "%":
             pattern += re.escape(letter or "%")
         else:
+            milli = directive == "f" and pattern[-1:] not in (".", ",")  # and not a fraction
             names.append(directive)
-            pattern += f"({_DIRECTIVES[directive]})"
+            pattern += r"(\d{3,9})" if milli else f"({_DIRECTIVES[directive]})"
     if len(set(names)) < len(names) or not {"Y", "m", "d"} <= set(names):
         return None
     time = [name for name in "HMS" if name in names]

@@ -18,6 +18,10 @@ LONGEST_HEADER = 2**16  # characters
 
 _SEPARATOR = re.compile(r"sep=([,;\t|])[\r\n]*")
 _BLANKS = re.compile(r"[ \t]+")
+_TRUTHS = {
+    word: text for name, text in (("true", "1"), ("false", "0"))
+    for word in (name, name.title(), name.upper())
+}  # fmt: skip
 UNDECODED = re.compile("[\udc80-\udcff]")
 
 SIGNS = ("#", "%", "//", "!", "*", "~")  # with which comments often begin
@@ -131,6 +135,9 @@ class Dialect:
             return None
         if self.thousands and self.thousands in text:
             text = self._joined(text)
+        text = _TRUTHS.get(text, text)
+        if text.startswith(("+ ", "- ")):
+            text = text[0] + text[1:].lstrip()
         if self.decimal == ",":
             if "." in text:
                 raise ValueError

@@ -380,6 +380,7 @@ class File:
 
     def _floats(self, column: Any, name: str) -> Array:
         import pyarrow as pa
+        import pyarrow.compute as compute
 
         kind = column.type
         if pa.types.is_timestamp(kind):
@@ -387,11 +388,12 @@ class File:
             raise InputError(str(self.path), problem)
         if not (
             pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)
-            or pa.types.is_null(kind)
+            or pa.types.is_null(kind) or pa.types.is_boolean(kind)
         ):  # fmt: skip
             problem = f"column {shown(name)} is of the type {kind}, must be numbers"
             raise InputError(str(self.path), problem)
-        return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
+        known = compute.fill_null(column.cast(pa.float64(), safe=False), math.nan)
+        return np.asarray(date_columns.numbers(known))
 
     @contextmanager
     def located(self) -> Iterator[None]:

@@ -21,6 +21,7 @@ from reobserve.estimation.suggested_time import Unsure
 Array = NDArray[np.float64]
 
 _LATE = 0.25  # periods by which a sample that is taken on time may be stamped late
+_MOST = 0.95  # of the intervals, by which the others are gaps, or late
 _LONG = 10.0  # periods of a gap that is bridged
 # Numbers at which counters begin again: of so many bits, digits, or seconds.
 _WRAPS = sorted([
@@ -70,7 +71,8 @@ def _policies(times: Array, unsure: Unsure) -> dict[str, Any]:
         unsure.of("sampling.period", "no timestamps state it", ask=True)
         return keys
     rising = steps[steps > 0]
-    mean = float(rising[np.abs(rising / np.median(rising) - 1.0) < 0.5].mean())
+    off = np.abs(rising / np.median(rising) - 1.0)
+    mean = float(rising[off < (1e-3 if (off < 1e-3).mean() > _MOST else 0.5)].mean())
     period = next(
         short for short in (float(f"{mean:.{digits}g}") for digits in range(1, 8))
         if abs(short - mean) <= 5e-4 * mean

@@ -12,12 +12,13 @@ from statistics import median
 from typing import Any
 
 from reobserve.core.units import readings
-from reobserve.estimation.dates import DURATION, ISO, SPELLED_DURATION, moment
+from reobserve.estimation.dates import DURATION, ISO, SPELLED_DURATION, moment, seconds_of
 
 DAY = re.compile(r"\d{1,4}([-./])\d\d?\1\d{1,4}|\d\d?([-./ ])[A-Z][a-z]{2}\2\d{2,4}")
-HOUR = re.compile(r"\d\d?:\d\d?(:\d\d?([.,]\d+)?)?( ?[AaPp][Mm])?")
+HOUR = re.compile(r"\d\d?:\d\d?(:\d\d?([.,]\d+|:\d{3})?)?( ?[AaPp][Mm])?")
 DATE = re.compile(
-    rf"(?:{DAY.pattern})[-T ,_]{{1,2}}(?:{HOUR.pattern}|\d\d-\d\d-\d\d)(Z| ?[+-]\d\d:?\d\d)?"
+    rf"(?:{DAY.pattern})[-T ,_]{{1,2}}(?:{HOUR.pattern}|\d\d-\d\d-\d\d)"
+    r"(Z| ?[+-]\d\d:?\d\d| UTC| GMT)?"
 )
 _SPAN = re.compile(r"(\d+ ?d(ays?)?,? )?\d+:\d\d?(:\d\d?)?([.,]\d+)?( ?[AaPp][Mm])?")
 _COMPACT = re.compile(r"(19|20)\d\d[01]\d[0-3]\d([0-2]\d){0,1}([0-5]\d){0,2}")
@@ -27,6 +28,7 @@ _TITLE = re.compile(
     r"time|zeit|stamp|clock|epoch|date|datum|hora|fecha|^t$|^x_value$|^t[\W_]|(?<![a-z])[munµ]?s(ec)?$|"
     r"(milli|micro)s$|seconds$", re.IGNORECASE
 )  # fmt: skip
+_MILLI = re.compile(r"ms|milli.*", re.IGNORECASE)  # behind whole seconds
 _COUNTER = re.compile(r"count|packet|tick|seq|frame|sample|record|index", re.IGNORECASE)
 _UNIT = re.compile(  # that ends a title, as in time_us and TimeUS
     r"(?:^|[\W_]|(?<=[a-z])(?=[A-Z]))((?i:[munµ]?s|(milli|micro|nano)?sec(ond)?s?|millis|micros|"
@@ -84,7 +86,10 @@ def find_time(
     if not found:
         return _numbered(titles, units, some, number, unsure)
     (names, cells), *others = found
-    _mention(names[0], [other[0] for other, _ in others], unsure)
+    repeats = len({*cells}) < 0.9 * len(cells)
+    likely = [title for title, unit, column in zip(titles, units, some, strict=False)
+              if repeats and is_time(unit) and _rises(column, number)]  # fmt: skip
+    _mention(names[0], [*(other[0] for other, _ in others), *likely], unsure)
     return _dated(names, cells, unsure)
 
 
@@ -100,9 +105,11 @@ def _groups(titles: Sequence[str], columns: Sequence[Column]) -> list[tuple[list
     found, taken = list[tuple[int, int, list[str], Column]](), 0
     for k, count in product(range(len(columns)), range(6, 0, -1)):
         if taken <= k <= len(columns) - count:
-            rows = zip(*columns[k : k + count], strict=True)
+            rows = [*zip(*columns[k : k + count], strict=True)]
             joined = [" ".join(row).strip() for row in rows]
-            if order := _order(joined, count):
+            behind = count > 1 and _MILLI.fullmatch(titles[k + count - 1]) is not None
+            dates = [" ".join(row[:-1]) for row in rows if len(row[-1]) < 4] if behind else joined
+            if order := _order(dates, count - behind):
                 found.append((order, k, list(titles[k : k + count]), joined))
                 taken = k + count
     return [(names, cells) for _, _, names, cells in sorted(found)]
@@ -194,7 +201,7 @@ def _unit_of(title: str, values: Sequence[float], step: float, unsure: Unsure) -
     """The unit of times whose title does not say it."""
     epochs = [unit for unit, per in _EPOCHS.items() if _SINCE < values[0] / per < _UNTIL]
     whole = all(value == int(value) for value in values)
-    problem = f"{title!r} has no unit of time, and goes on by {step:g}: s, ms, us or ns"
+    problem = f"{title!r} has no unit of time, and goes on by {step:g}: s, ms, us, ns or hns"
     for unit in epochs:
         if step > _SLOW * _EPOCHS[unit] and whole:
             unsure.of("columns.time.unit", f"{problem}; it may be {unit} since 1970")
@@ -235,7 +242,9 @@ def _dated(names: list[str], cells: Column, unsure: Unsure) -> dict[str, Any]:
     """The key `time` of columns of dates."""
     known = [cell for cell in cells if cell]
     time: dict[str, Any] = {"column": names[0] if len(names) == 1 else names}
-    if all(map(SPELLED_DURATION.fullmatch, known)) and not all(_read("%H:%M:%S", c) for c in known):
+    elapsed = all(map(SPELLED_DURATION.fullmatch, known))
+    times = [float(seconds_of(cell)) for cell in known] if elapsed else []
+    if (elapsed and times == sorted(times)) and not all(_read("%H:%M:%S", c) for c in known):
         return {**time, "unit": DURATION}
     forms = {form: None for cell in (known[0], known[len(known) // 2]) for form in _forms(cell)}
     if all(_read("", cell) for cell in known):

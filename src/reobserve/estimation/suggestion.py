@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,8 @@ _LOOKED_AT = 2**17  # characters, twice
 _ROWS = 1000  # of a Parquet file
 _DELIMITERS = (";", "\t", "|", ",", "whitespace")
 _MARKS = ((".", ""), (",", ""), (".", ","), (",", "."))  # of decimals, and of thousands
-_FEW_CELLS = 5000  # in which marks are looked for
+_FEW_CELLS = 2000  # in which marks are looked for
+_FEW_LINES = 10  # which may belong to a preamble
 _MOST_TEXTS = 5  # of a column, that stand for missing values
 
 
@@ -111,8 +112,9 @@ def _of_text(path: Path, unsure: Unsure) -> Suggestion:
         if not wrong and text.count("\0") <= 0.2 * len(text):
             break
     lines = [line.rstrip("\r") for line in text.removesuffix("\n").split("\n")]
-    dialects = [Dialect(delimiter, encoding=encoding) for delimiter in _DELIMITERS]
-    best = max((_Grid(lines, dialect) for dialect in dialects), key=lambda grid: grid.score)
+    marks = [mark for mark in _DELIMITERS if mark in text or mark == "whitespace"]
+    grids = [_Grid(lines, Dialect(mark, encoding=encoding)) for mark in marks]
+    best = max(grids, key=lambda grid: grid.score)
     if not best.score:
         raise InputError(str(path), "has no lines that look like rows of numbers")
     return best.suggestion(text.endswith("\n"), unsure)
@@ -144,7 +146,7 @@ def _measured(
             if not (numbers or dated) and 1 < len(texts) <= min(_MOST_TEXTS, len(some) // 4):
                 listed = " or ".join(map(repr, texts))
                 problem = f"{name!r} is {listed}; if rows are of several quantities, it takes one"
-                unsure.of("file.where", problem)
+                unsure.sentences.setdefault("file.where", problem)
             continue
         said, entry = units[k], {"column": name}
         if "/" in name and readings(name):
@@ -156,7 +158,7 @@ def _measured(
             unsure.of(f"the unit of {name!r}", f"{said!r} is no unit that is known")
         steps = [b - a for a, b in pairwise(numbers)] or [0.0]
         even = max(steps) - min(steps) <= 1e-3 * abs(steps[0])  # as of counters and constants
-        odd = (len(some) - len(numbers), len(cells) - len(some), even, k)
+        odd = (len(some) - len(numbers), even, len(cells) - len(some), k)
         found.append((odd, entry))
     return [entry for _, entry in sorted(found, key=lambda pair: pair[0])]
 
@@ -214,20 +216,25 @@ class _Grid:
         self.dialect, self.lines = dialect, lines
         self.rows = {k: self._cells(line) for k, line in enumerate(lines) if line.strip()}
         plain = {k: row for k, row in self.rows.items() if not sign_of(lines[k])}
-        several = [cell for row in plain.values() if len(row) > 1 for cell in row]
-        cells = (several or [c for r in plain.values() for c in r])[:_FEW_CELLS]
+        several = [row for row in plain.values() if len(row) > 1] or plain.values()
+        cells = [cell for row in several for cell in row if "." in cell or "," in cell]
         self.dialect = max(
             (replace(dialect, decimal=decimal, thousands=mark) for decimal, mark in _MARKS),
-            key=lambda one: sum(_number(one, cell) is not None for cell in cells),
+            key=lambda one: sum(_number(one, cell) is not None for cell in cells[:_FEW_CELLS]),
         )
+        self._number = cache(partial(_number, self.dialect))
+        self._is_value = cache(self._has_value)
         weights = Counter[int]()
         for row in plain.values():
             if self._is_row(row):
                 weights[len(row)] += sum(map(self._is_value, filter(None, row)))
         self.width = max(weights, key=lambda width: (weights[width], width), default=0)
+        self._fill_up(plain)
         body = {k: r for k, r in plain.items() if len(r) == self.width and self._is_row(r)}
         self.typical, self.texts = self._columns(list(body.values()))
-        self.start = next((k for k, row in body.items() if self._is_like(row)), -1)
+        like = [k for k, row in body.items() if self._is_like(row)]
+        self.first = next(iter(like), -1)  # that looks like a row
+        self.start = self._first(plain, like)
         self.units, self.doubt = [""] * self.width, ""  # in a line above the titles
         self.score, self.head = 0.0, (dict[str, Any](), list[str]())
         if self.start >= 0:
@@ -240,13 +247,32 @@ class _Grid:
             self.score *= 1.0 if any(map(str.isdigit, self.head[1])) else 1.3
             self.score *= 0.9 if dialect.delimiter == "whitespace" else 1.0
 
+    def _fill_up(self, plain: dict[int, list[str]]) -> None:
+        """Take rows as long as the first one, if this has as many cells as the titles above it."""
+        lines = ((above, row) for above, row in pairwise(plain.values()) if self._is_row(row))
+        above, first = next(lines, ([], []))
+        if self.width < len(first) == len(above) and not any(map(self._is_value, above)):
+            short = [cells for cells in plain.values() if len(cells) == self.width]
+            self.width = len(first)
+            for cells in short:
+                cells.extend([""] * (self.width - len(cells)))
+
+    def _first(self, plain: dict[int, list[str]], like: list[int]) -> int:
+        """The first of the lines that are ``like`` rows, below texts that few of them precede."""
+        start, said = self.first, Counter(self.lines)
+        for k, row in plain.items():
+            texts = len(row) == self.width > 1 and not any(map(self._is_value, filter(None, row)))
+            if texts and start < k <= start + _FEW_LINES and said[self.lines[k]] == 1:
+                start = next((j for j in like if j > k), start)
+        return start
+
     def _begin(self) -> None:
         """Find the header. The line that seemed to be the first row may be one."""
-        self.head = self._head()
-        numbers = [k for k in self.rows if k > self.start]
-        row = self.rows[self.start]
+        numbers = [k for k, row in self.rows.items() if k > self.start and self._is_row(row)]
+        row = self.rows[self.first]
         odd = [cell for k, cell in enumerate(row) if k in self.typical and self._is_odd(k, cell)]
-        if "names" in self.head[0] and odd and numbers:
+        self.head = self._head(odd if self.start > self.first else None)
+        if "names" in self.head[0] and odd and numbers and self.start == self.first:
             self.start = numbers[0]
             self.head = self._head(odd)
 
@@ -256,10 +282,7 @@ class _Grid:
         except csv.Error:
             return []
 
-    def _number(self, cell: str) -> float | None:
-        return _number(self.dialect, cell)
-
-    def _is_value(self, cell: str) -> bool:
+    def _has_value(self, cell: str) -> bool:
         forms = (DAY, HOUR, DATE)
         known = cell in NOTHING or self._number(cell) is not None
         return known or any(form.fullmatch(cell) for form in forms)
@@ -308,6 +331,7 @@ class _Grid:
         if missing := self._missing():
             file["missing_values"] = missing
         body = list(zip(*self._body, strict=True))
+        self._check_first(body, unsure)
         self._check_marks([cell for column in body for cell in column], unsure)
         names = [title if title and titles.count(title) == 1 else f"column {k + 1}"
                  for k, title in enumerate(titles)]  # fmt: skip
@@ -328,6 +352,19 @@ class _Grid:
         above = [line for line in self.lines[: self.start] if line.strip()]
         names = [*titles, *[""] * (self.width - len(titles))]
         return {**_skipping(above, self.start), "names": names}
+
+    def _check_first(self, body: Sequence[Sequence[str]], unsure: Unsure) -> None:
+        """Say so where all numbers of the first lines are far from those below."""
+        far = []
+        for column in body:
+            numbers = [value for value in map(self._number, column) if value is not None]
+            low, high = min(numbers[3:], default=-math.inf), max(numbers[3:], default=math.inf)
+            reach = 10.0 * (high - low) + abs(high)
+            far.append([not low - reach <= value <= high + reach for value in numbers[:3]])
+        count = next((k for k in (3, 2, 1) if all(any(one[k - 1 : k]) for one in far)), 0)
+        if count:
+            problem = f"the first {count} lines may be no rows: all numbers are far from others"
+            unsure.of("file.skip", problem)
 
     def _check_marks(self, cells: Sequence[str], unsure: Unsure) -> None:
         """Say so where all marks in numbers may be those of thousands."""
@@ -355,7 +392,10 @@ class _Grid:
         above = {k: line for k, line in enumerate(self.lines[: self.start]) if line.strip()}
         if above and re.fullmatch(r"sep=[,;\t|]", next(iter(above.values()))):
             del above[next(iter(above))]
-        fitting = [k for k in reversed(above) if self._fits(self._bare(above[k]), odd)]
+        blanks, last = self.dialect.delimiter == "whitespace", [*above][-2:]
+        # Sentences in comments, too, have as many words.
+        likely = [k for k in reversed(above) if not (blanks and sign_of(above[k])) or k in last]
+        fitting = [k for k in likely if self._fits(self._bare(above[k]), odd)]
         full = [k for k in fitting if _lacks(self._bare(above[k])) < 2]
         fitting = full or fitting  # without a line of Smp, say, below titles and units
         nearest = self._bare(above[max(above)]) if above else []
@@ -365,7 +405,7 @@ class _Grid:
             fitting = fitting[1:]
         numbers = [str(k + 1) for k in range(self.width)]
         if not fitting:
-            titled = (self._bare(line) for line in reversed(above.values()))
+            titled = (self._bare(above[k]) for k in likely)
             titles = [*next(filter(self._are_titles, titled), []), *[""] * self.width]
             names = [a or b for a, b in zip(titles, numbers, strict=False)]
             return self._named(names), names
@@ -376,27 +416,27 @@ class _Grid:
             return self._named(titles), titles
         before = [line for j, line in above.items() if j < k]
         if before and not below and _are_units(self._bare(before[-1]), titles):
-            self._take_units(before[-1])
-        titles, file = self.rows[k], _skipping(before, k)
+            self._take_units(before[-1], len(titles))
+        titles, file = self.rows[k][: self.width], _skipping(before, k)
         if below:
             file["below_header"] = ["skip"] * len(below)
         if "units" in kinds:
             last = max(j for j, kind in enumerate(kinds) if kind == "units")
             file["below_header"][last] = "units"
-            self._take_units(above[below[last]])
+            self._take_units(above[below[last]], len(titles))
         return file, titles
 
     def _are_titles(self, cells: list[str]) -> bool:
         """True if cells may name the columns, though not all of them, or too many."""
-        texts = [cell for cell in cells if cell and not self._is_value(cell)]
-        several = 0.5 * self.width < len(texts) == len(set(texts))
-        return several and len(cells) >= self.width - 1
+        texts, width = [cell for cell in cells if cell], self.width
+        several = 0.5 * width < len(texts) == len(set(texts)) and len(cells) >= width - 1
+        return several and not any(map(self._is_value, texts))
 
-    def _take_units(self, line: str) -> None:
-        """Take the units in a line, if it has as many cells as rows."""
-        cells = self._bare(line)
-        if len(cells) == self.width:
-            self.units = [_unit(cell) for cell in cells]
+    def _take_units(self, line: str, count: int) -> None:
+        """Take the units in a line, if there may be one for each title of a number of them."""
+        cells = self._cells(line[len(sign_of(line)) :].strip(" "))
+        if len(cells) >= count:
+            self.units = [*map(_unit, cells), *[""] * self.width][: self.width]
 
     def _states_units(self, upper: str, lower: str) -> bool:
         """True if the lower one of two lines that fit seems to have the units of the other."""
@@ -411,7 +451,10 @@ class _Grid:
 
     def _bare(self, line: str) -> list[str]:
         """The cells of a line without the sign of a comment."""
-        return self._cells(line[len(sign_of(line)) :].strip())
+        cells = self._cells(line[len(sign_of(line)) :].strip(" "))
+        while cells and not cells[-1]:
+            del cells[-1]
+        return cells
 
     def _odd_lines(
         self, file: dict[str, Any], titles: list[str], ended: bool, unsure: Unsure
@@ -431,9 +474,17 @@ class _Grid:
                 file["tail"] = "drop"
             elif len(cells) != self.width:
                 odd.append(k)
+        begins = {self.rows[k][0].split(" ")[0]: len(self.rows[k]) for k in odd}
         if odd:
             problem = f"{len(odd)} lines have another number of cells than rows, {self.width}"
             unsure.of("file.comment", f"{problem}; the first one is line {odd[0] + 1}")
+        if list(begins.values()) == [1] and (word := next(iter(begins))).isalpha():
+            file.setdefault("comment", word)
+        kinds = {**dict.fromkeys(row[0] for row in self._body), **begins}
+        if max(begins.values(), default=0) > 1 and 1 < len(kinds) <= _MOST_TEXTS:
+            named = titles[0] if titles else "1"
+            listed = " or ".join(map(repr, kinds))
+            unsure.of("file.where", f"{named!r} is {listed}; rows of each have their own columns")
         before = [k for k, row in self.rows.items() if k < self.start and self._is_row(row)]
         if len(before) > 10:
             problem = f"{len(before)} lines above line {self.start + 1} look like rows, too"
@@ -442,7 +493,8 @@ class _Grid:
     def _missing(self) -> list[str]:
         """Texts that stand where other rows have values."""
         texts: dict[str, None] = {}
-        for column in zip(*self._body, strict=True):
+        *body, last = self._body
+        for column in zip(*body, *[last] * self._is_row(last), strict=True):
             odd = [cell for cell in column if not self._is_value(cell)]
             if len(odd) < 0.5 * sum(map(bool, column)) and len(set(odd)) <= _MOST_TEXTS:
                 texts.update(dict.fromkeys(odd))
