@@ -6,7 +6,7 @@ Functions return None where they are not certain to; dates are then read and spe
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime, timedelta
 from typing import Any
@@ -31,23 +31,13 @@ _DIRECTIVES = {
 }  # fmt: skip
 
 
-def read(
-    columns: Sequence[Any], dates: Dates, nothing: Iterable[str], report: DataReport
-) -> Array | None:
+def read(columns: Sequence[Any], dates: Dates, report: DataReport) -> Array | None:
     """The times [s] of columns of texts, which pyarrow has, or None."""
     import pyarrow as pa
     import pyarrow.compute as compute
 
-    missing = compute.split_pattern("\n".join(sorted(nothing)), "\n").values
     columns = [column.cast(pa.string()) for column in columns]
-    if (
-        dates.day
-        or not len(columns[0])
-        or any(
-            column.null_count or compute.any(compute.is_in(column, missing)).as_py()
-            for column in columns
-        )
-    ):
+    if dates.day or not len(columns[0]) or any(column.null_count for column in columns):
         return None
     written = compute.binary_join_element_wise(*columns, " ") if columns[1:] else columns[0]
     texts = _as_iso(written, dates.format) if dates.format else written
@@ -84,7 +74,13 @@ def _nanoseconds(texts: Any) -> tuple[Whole, bool] | None:
 
 
 def numbers(column: Any) -> Any:
-    """A full column as numpy, as ``to_numpy`` would import pandas to look at it."""
+    """A column as numpy, nan for null, as ``to_numpy`` would import pandas to look at it."""
+    import pyarrow as pa
+    import pyarrow.compute as compute
+
+    if column.null_count:
+        nan = pa.Array.from_buffers(pa.float64(), 1, [None, pa.py_buffer(np.array([np.nan]))])
+        column = compute.fill_null(column, nan[0])
     return np.from_dlpack(column if hasattr(column, "offset") else column.combine_chunks())
 
 

@@ -234,7 +234,8 @@ class File:
             ),
             convert_options=reader_of_csv.ConvertOptions(
                 include_columns=list(kinds), column_types=kinds,
-                null_values=list(dialect.nothing), decimal_point=dialect.decimal,
+                null_values=list(dialect.nothing), strings_can_be_null=True,
+                decimal_point=dialect.decimal,
             ),
         )  # fmt: skip
         read = [self._floats(table.column(name), name) for name in wanted[rows.exact :]]
@@ -242,10 +243,10 @@ class File:
             assert rows.clock is not None
             times, texts = None, [table.column(name) for name in clocks]
             if rows.clock.dates is not None:
-                times = date_columns.read(texts, rows.clock.dates, dialect.nothing, rows.report)
+                times = date_columns.read(texts, rows.clock.dates, rows.report)
             if times is None:
                 cells = zip(*(column.to_pylist() for column in texts), strict=True)
-                times = np.array([rows.time(row) for row in cells])
+                times = np.array([rows.time([cell or "" for cell in row]) for row in cells])
             read.insert(0, times)
         if dialect.timed and np.isnan(read[0]).any():
             raise ValueError
@@ -339,7 +340,7 @@ class File:
                 wanted = "texts, dates or times of day" if columns[1:] else "dates"
                 problem = f"column {shown(title)} is of the type {kind}, must be {wanted}"
                 raise InputError(str(self.path), problem)
-        times = date_columns.read(columns, dates, NOTHING, report)
+        times = date_columns.read(columns, dates, report)
         if times is not None:
             return times
         where = f"of column {' and '.join(map(shown, clock.titles))}"
@@ -380,7 +381,6 @@ class File:
 
     def _floats(self, column: Any, name: str) -> Array:
         import pyarrow as pa
-        import pyarrow.compute as compute
 
         kind = column.type
         if pa.types.is_timestamp(kind):
@@ -392,8 +392,7 @@ class File:
         ):  # fmt: skip
             problem = f"column {shown(name)} is of the type {kind}, must be numbers"
             raise InputError(str(self.path), problem)
-        known = compute.fill_null(column.cast(pa.float64(), safe=False), math.nan)
-        return np.asarray(date_columns.numbers(known))
+        return np.asarray(date_columns.numbers(column.cast(pa.float64(), safe=False)))
 
     @contextmanager
     def located(self) -> Iterator[None]:

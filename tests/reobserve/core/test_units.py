@@ -103,3 +103,10 @@ def test_common_units_are_known_without_pint() -> None:
         "else: raise SystemExit(1)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("name", ["L1", "L2", "L3", "l2", "R1", "V1", "A1", "C1", "m1", "N1"])
+def test_numbered_phases_and_parts_are_no_units(name: str) -> None:
+    """Nor are their titles, as I (L1)."""
+    assert not readings(name)
+    assert readings(name[0]) or name in ("r",)

@@ -19,7 +19,9 @@ from reobserve.core.errors import InputError
 from reobserve.estimation import date_columns
 from reobserve.estimation.clock import Clock, Dates
 from reobserve.estimation.data_report import DataReport
-from reobserve.estimation.file_format import NOTHING
+from reobserve.estimation.dates import moment
+from reobserve.estimation.dialect import Dialect
+from reobserve.estimation.file_format import FileFormat
 from reobserve.estimation.quantities import SAME
 from reobserve.estimation.record_file import File
 
@@ -44,7 +46,7 @@ def check(texts: list[str], form: str = "", zone: str = "", at_once: bool | None
     ways = [(Dates(form, zone, 0.01), DataReport(period=0.01)) for _ in range(2)]
     slow = one_by_one(texts, *ways[0])
     column = pa.chunked_array([texts])
-    fast = date_columns.read([column], ways[1][0], NOTHING, ways[1][1])
+    fast = date_columns.read([column], ways[1][0], ways[1][1])
     assert at_once is None or (fast is not None) == at_once
     if fast is not None:
         assert slow is not None
@@ -86,13 +88,16 @@ def test_what_is_not_certain_is_left_to_the_slow_way(texts: list[str]) -> None:
     check(texts, at_once=False)
 
 
-def test_stated_texts_that_mean_nothing_are_no_dates() -> None:
-    texts = pa.chunked_array([["2026-03-02T14:05:00Z", "1970-01-01T00:00:00Z"]])
-    dates = Dates()
-    assert (
-        date_columns.read([texts], dates, [*NOTHING, "1970-01-01T00:00:00Z"], DataReport()) is None
-    )
-    assert date_columns.read([texts], dates, NOTHING, DataReport()) is not None
+@pytest.mark.parametrize("quote", ["", '"'])
+def test_stated_texts_that_mean_nothing_are_no_dates(quote: str, tmp_path: Path) -> None:
+    stamps, nothing = ["2026-03-02T14:05:00Z", "NA", "1970-01-01T00:00:00Z"], "1970-01-01T00:00:00Z"
+    lines = [f"{quote}{one}{quote},{k}\n" for k, one in enumerate(stamps)]
+    (tmp_path / "r.csv").write_text("t,y\n" + "".join(lines), encoding="utf-8")
+    clock = Clock(("t",), SAME, Dates())
+    for stated, count in (((), 1), ((nothing,), 2)):
+        file = File(tmp_path / "r.csv", Dialect(file=FileFormat(missing_values=stated)))
+        (read,) = file.blocks(["t", "y"], clock)
+        assert np.isnan(read[:, 0]).sum() == count
 
 
 PIECES = st.tuples(
@@ -141,6 +146,45 @@ def test_formats_of_digits_are_read_at_once(form: str, at_once: bool, zone: str)
     check([time.strftime(form) for time in times], form, zone, at_once=at_once)
 
 
+# Numbers as they are, 110 for 01:10 and 5 for 5 ms, and digits beyond a microsecond.
+UNPADDED = {
+    "%Y %j %H%M": lambda t: f"{t:%Y} {t:%j} {int(f'{t:%H%M}')}",
+    "%H%M%S.%f %d%m%y": lambda t: f"{int(f'{t:%H%M%S}')}.{t:%f} {int(f'{t:%d%m%y}')}",
+    "%m/%d/%Y %H:%M:%S %f": lambda t: f"{t:%m/%d/%Y %H:%M:%S} {t.microsecond // 1000}",
+    "%d.%m.%Y %H:%M:%S:%f": lambda t: f"{t:%d.%m.%Y %H:%M:%S}:{t.microsecond // 1000:03d}",
+    "%I:%M:%S:%f %p, %Y-%m-%d": lambda t: f"{t:%I:%M:%S}:{t.microsecond // 1000} {t:%p, %Y-%m-%d}",
+    "%Y/%m/%d %H:%M:%S.%f": lambda t: f"{t:%Y/%m/%d %H:%M:%S.%f}789",
+}  # fmt: skip
+
+
+@settings(deadline=None)
+@given(
+    st.datetimes(datetime(2000, 1, 1), datetime(2068, 1, 1)), st.sampled_from(list(UNPADDED)),
+    st.integers(0, 2000),
+)  # fmt: skip
+def test_numbers_without_leading_zeros_are_read_as_meant(
+    time: datetime, form: str, milliseconds: int
+) -> None:
+    times = [time.replace(microsecond=0) + timedelta(milliseconds=k) for k in (0, milliseconds)]
+    whole = {"microsecond": 0} if "%f" not in form else {}
+    whole |= {"second": 0} if "%S" not in form else {}
+    texts = [UNPADDED[form](one) for one in times]
+    assert [moment(text, form) for text in texts] == [one.replace(**whole) for one in times]
+    check(texts, form, at_once=None)
+
+
+@pytest.mark.parametrize(
+    ("form", "text"),
+    [("%d.%m.%Y %H:%M", "28.02.2024 24:00"), ("", "2024-02-28T24:00:00"),
+     ("%Y %j %H%M", "2024 59 2400"), ("", "2024-02-28 24:00Z")],
+)  # fmt: skip
+def test_hour_24_is_midnight(form: str, text: str) -> None:
+    assert moment(text, form).replace(tzinfo=None) == datetime(2024, 2, 29)
+    check([text], form, at_once=False)
+    with pytest.raises(ValueError, match="24:?30"):
+        moment(text.replace("24:00", "24:30").replace("2400", "2430"), form)
+
+
 @pytest.mark.parametrize(
     "text", ["2.3.2026 14:05:00", "2026-03-02 14:05:00", "32.03.2026 01:00:00"]
 )
@@ -151,7 +195,7 @@ def test_texts_in_another_form_are_left_to_the_slow_way(text: str) -> None:
 def test_two_columns_are_joined() -> None:
     columns = [pa.array(["2026-03-02", "2026-03-02"]), pa.array(["14:05:00.25", "14:05:00.75"])]
     report = DataReport()
-    found = date_columns.read(columns, Dates(), NOTHING, report)
+    found = date_columns.read(columns, Dates(), report)
     assert found is not None
     assert found.tolist() == [0.25, 0.75]
     assert report.origin == 1_772_460_300

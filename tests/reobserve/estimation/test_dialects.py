@@ -14,6 +14,7 @@ import pytest
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
+from reobserve.estimation.dialect import Dialect
 from reobserve.estimation.estimate_command import estimate_file, estimate_stream
 from reobserve.estimation.specification import Specification
 from tests.reobserve.estimation.records import read_results
@@ -105,3 +106,17 @@ def test_date_format_must_have_the_day(form: str) -> None:
         chosen(time={"column": "Zeit", "format": form})
     with pytest.raises(InputError, match=r"columns.time.unit: must be left out where there is a"):
         chosen(time={"column": "Zeit", "format": "%d.%m.%Y %H:%M:%S", "unit": "s"})
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_truths_and_signs_before_blanks_are_numbers(decimal: str) -> None:
+    """As of programmable controllers, and of Graphtec's loggers."""
+    dialect = Dialect(decimal=decimal)
+    for word in ("true", "false"):
+        for cell in (word, word.title(), word.upper()):
+            assert dialect.number(f' "{cell}" ') == (word == "true")
+    assert dialect.number(f"+   21{decimal}5") == 21.5
+    assert dialect.number(f"- 0{decimal}25") == -0.25
+    for cell in ("+", "+ -1", "tRUE", "T", "1 true"):
+        with pytest.raises(ValueError, match="could not convert"):
+            dialect.number(cell)

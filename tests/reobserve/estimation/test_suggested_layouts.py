@@ -208,7 +208,7 @@ def cells(tree: dict[str, Any], path: Path) -> tuple[list[float], list[float]]:
     blocks = list(file.blocks(layout.titles, layout.clock, report))
     read = [layout.values(block, report) for block in blocks]
     times = np.concatenate([time for time, _ in read])
-    return (times - times[0]).tolist(), np.concatenate(
+    return (times - times[:1]).tolist(), np.concatenate(
         [values[:, 0] for _, values in read]
     ).tolist()
 
