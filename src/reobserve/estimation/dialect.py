@@ -18,10 +18,8 @@ LONGEST_HEADER = 2**16  # characters
 
 _SEPARATOR = re.compile(r"sep=([,;\t|])[\r\n]*")
 _BLANKS = re.compile(r"[ \t]+")
-_TRUTHS = {
-    word: text for name, text in (("true", "1"), ("false", "0"))
-    for word in (name, name.title(), name.upper())
-}  # fmt: skip
+_TRUTHS = dict.fromkeys(("true", "True", "TRUE"), "1")
+_TRUTHS |= dict.fromkeys(("false", "False", "FALSE"), "0")
 UNDECODED = re.compile("[\udc80-\udcff]")
 
 SIGNS = ("#", "%", "//", "!", "*", "~")  # with which comments often begin

@@ -181,7 +181,7 @@ def test_numbers_without_leading_zeros_are_read_as_meant(
 def test_hour_24_is_midnight(form: str, text: str) -> None:
     assert moment(text, form).replace(tzinfo=None) == datetime(2024, 2, 29)
     check([text], form, at_once=False)
-    with pytest.raises(ValueError, match="24:?30"):
+    with pytest.raises(ValueError, match=r"match|hour|remains"):
         moment(text.replace("24:00", "24:30").replace("2400", "2430"), form)
 
 
