@@ -23,7 +23,8 @@ _DATED = re.compile(r"\d{4}-?\d\d-?\d\d[T ]\d|\d{4}-\d\d-\d\d$")  # a day, and p
 SPELLED_DURATION = re.compile(
     r"([+-]?)(?:(\d+)(?: ?d(?:ays?)?,? ?|\.))?(\d+):([0-5]\d):([0-5]\d(?:\.\d*)?)", re.ASCII
 )
-_DIGITS = re.compile(r"((?:%[YHMSIdmyj])+%f|(?:%[YHMSIdmyj]){2,}|%f)")
+_DIGITS = re.compile(r"((?:%[HMSIdmyj]){2,}(?:%f)?|(?<![.,])%f)")  # without marks between
+_FINE = re.compile(r"([.,:]\d{6})\d+", re.ASCII)  # than a microsecond
 _MIDNIGHT = re.compile(  # at the end of a day
     r"(?<![\d:.,-])24(?=:?00(?::?00(?:[.,]0+)?)?(?:Z| ?[+-]\d\d:?\d\d)?$)"
 )
@@ -37,48 +38,31 @@ _FORWARD = (
 def moment(text: str, form: str) -> datetime:
     """The moment of a date by ISO 8601 or a format (raises ValueError if it is none)."""
     text = _padded(text, form) if form else text
-    try:
-        return _read(text, form)
-    except ValueError:
-        begun, midnights = _MIDNIGHT.subn("00", text)
-        if not midnights:
-            raise
-        return _read(begun, form) + timedelta(days=1)
-
-
-def _read(text: str, form: str) -> datetime:
-    if form:
-        return datetime.strptime(text, form)
-    if not looks_dated(text):
+    text, midnights = _MIDNIGHT.subn("00", text) if "24" in text else (text, 0)
+    if not form and not looks_dated(text):
         raise ValueError
-    return datetime.fromisoformat(text)
+    date = datetime.strptime(text, form) if form else datetime.fromisoformat(text)
+    return date + timedelta(days=midnights)
 
 
 def _padded(text: str, form: str) -> str:
-    """A date with the zeros that numbers lack in front, and without digits beyond a microsecond.
+    """A date with zeros that numbers lack in front, and without digits beyond a microsecond.
 
-    As of 110 for 01:10 by %H%M, and of 5 ms by %f, but behind a point or comma.
+    They may lack in 110 for 01:10 by %H%M, and in 5 ms by %f, but behind a point or comma.
     """
     pattern, widths = _numbers(form)
-    match = pattern.fullmatch(text) if any(widths) or "%f" in form else None
-    if match is None:
-        return text
-    return "".join(part.zfill(width) for part, width in zip(match.groups(), widths, strict=True))
+    match = pattern.fullmatch(text) if len(widths) > 1 else None
+    text = text if match is None else "".join(map(str.zfill, match.groups(), widths))
+    return _FINE.sub(r"\1", text) if "%f" in form else text
 
 
 @cache
 def _numbers(form: str) -> tuple[re.Pattern[str], list[int]]:
-    """What splits a date at the numbers of several directives, and of %f, and their digits."""
-    parts, pattern, widths = _DIGITS.split(form), "", list[int]()
-    for k, part in enumerate(parts):
-        if k % 2 == 0:
-            pattern += f"({'.+?'.join(map(re.escape, re.split('%.', part)))})"
-            widths.append(0)
-            continue
-        pattern += r"(\d{1,6})\d*" if part == "%f" else r"(\d+)"
-        right = "%Y" in part or (part == "%f" and parts[k - 1].endswith((".", ",")))
-        widths.append(0 if right else len(part) + part.count("j") + part.count("f"))
-    return re.compile(pattern), widths
+    """What splits a date at numbers that may lack zeros, and their digits."""
+    parts = _DIGITS.split(form)
+    between = [".+?".join(map(re.escape, re.split("%.", part))) for part in parts[::2]]
+    widths = [k % 2 * (len(part) + len(re.findall("[jf]", part))) for k, part in enumerate(parts)]
+    return re.compile("(" + r")(\d+)(".join(between) + ")"), widths
 
 
 def seconds_of(duration: str) -> str:

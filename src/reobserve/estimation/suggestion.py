@@ -354,16 +354,11 @@ class _Grid:
         return {**_skipping(above, self.start), "names": names}
 
     def _check_first(self, body: Sequence[Sequence[str]], unsure: Unsure) -> None:
-        """Say so where all numbers of the first lines are far from those below."""
-        far = []
-        for column in body:
-            numbers = [value for value in map(self._number, column) if value is not None]
-            low, high = min(numbers[3:], default=-math.inf), max(numbers[3:], default=math.inf)
-            reach = 10.0 * (high - low) + abs(high)
-            far.append([not low - reach <= value <= high + reach for value in numbers[:3]])
-        count = next((k for k in (3, 2, 1) if all(any(one[k - 1 : k]) for one in far)), 0)
-        if count:
-            problem = f"the first {count} lines may be no rows: all numbers are far from others"
+        """Say so where all numbers of the first line are far from those below it."""
+        columns = [[v for v in map(self._number, cells) if v is not None] for cells in body]
+        ends = [(v[0], min(v[3:]), max(v[3:])) for v in columns if len(v) > 3]
+        if all(abs(v - high) > 10.0 * (high - low) + abs(high) for v, low, high in ends) and ends:
+            problem = "the first line may be no row: all numbers are far from those below"
             unsure.of("file.skip", problem)
 
     def _check_marks(self, cells: Sequence[str], unsure: Unsure) -> None:
