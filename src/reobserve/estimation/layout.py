@@ -14,8 +14,7 @@ from reobserve.core.errors import InputError, ProblemsError, nearest, shown
 from reobserve.core.units import check_unit, readings
 from reobserve.estimation.clock import Clock, Dates
 from reobserve.estimation.data_report import DataReport
-from reobserve.estimation.dates import DURATION, ISO, looks_dated
-from reobserve.estimation.dialect import SIGNS
+from reobserve.estimation.dates import DURATION, ISO
 from reobserve.estimation.observer_design import Design
 from reobserve.estimation.quantities import SAME, Conversion, agree, conversion
 from reobserve.estimation.refusals import RowError
@@ -23,7 +22,10 @@ from reobserve.estimation.specification import Column, Columns, Constant, TimeCo
 
 Array = NDArray[np.float64]
 
-_NUMBER = re.compile(r"[+-]?[\d.,]+([eE][+-]?\d+)?")
+_NO_HEADER = (
+    "; file.skip, comment, header or names state where titles are, and columns.delimiter what is "
+    "between them: `reobserve estimate --suggest` finds all of these"
+)
 # Titles that end in a unit: name [unit], name (unit), name, unit and name / unit.
 _BRACKETS = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*")
 _COMMA = re.compile(r"(.*[^\s,])\s*,\s*([^\s,].*)")
@@ -163,8 +165,11 @@ def lay_out(
         clock = _clock(columns.time, header, place, period)
     except InputError as error:
         problems.append(error)
-    if problems and not any(_matches(name, header) for name in _names(columns)):
-        problems = _no_header(columns, header, place, problems)
+    names = {*columns.time.columns, *(column.column for column in columns.read)} - {""}
+    if problems and not any(_matches(name, header) for name in names):
+        problem, *nearest_title = problems[0].problem.split("; did you")
+        if len(header) == 1 or not nearest_title:
+            problems = [InputError(problems[0].parameter, problem + _NO_HEADER)]
     if problems:
         raise problems[0] if len(problems) == 1 else ProblemsError(problems)
     every = [column for _, column, _ in wanted]
@@ -220,10 +225,6 @@ def _clock(time: TimeColumn, header: Sequence[str], place: str, period: float) -
     return Clock(titles, way, elapsed=elapsed)
 
 
-def _names(columns: Columns) -> set[str]:
-    return {*columns.time.columns, *(column.column for column in columns.read)} - {""}
-
-
 def split_title(title: str) -> tuple[str, str]:
     """The name in a title, and what ends it as a unit does."""
     if _INDEX.fullmatch(title):
@@ -275,39 +276,6 @@ def _matches(name: str, header: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(
         title for title in header if title.strip() == name or split_title(title)[0] == name
     ))  # fmt: skip
-
-
-def _numbers(cells: Sequence[str]) -> bool:
-    """True if cells are those of a row, and not of a header."""
-    return all(looks_dated(cell) or _NUMBER.fullmatch(cell) for cell in filter(None, cells))
-
-
-def _no_header(
-    columns: Columns, header: Sequence[str], place: str, problems: list[InputError]
-) -> list[InputError]:
-    """Problems of a header that has none of the columns, and the keys that may find them."""
-    for mark in ";\t|," + " " * (len(header) == 1):
-        cells = [cell.strip() for title in header for cell in title.split(mark)]
-        found = any(_matches(name, cells) for name in _names(columns)) or _numbers(cells)
-        wanted = "whitespace" if mark == " " else mark
-        if found and len(cells) > len(header):
-            return [InputError(
-                "columns.delimiter",
-                f"{shown(columns.delimiter)} finds no column in the header of {place}, which "
-                f"begins with {shown(header[0])}; it may be {wanted!r}",
-            )]  # fmt: skip
-    first = problems[0]
-    if "did you" in first.problem:
-        return problems
-    hint = "; if the header is further down, file.skip leaves out the lines above it"
-    if header[0].startswith(SIGNS):
-        hint = (
-            "; file.skip or file.comment leaves out lines above the header, and file.header: "
-            "commented takes the last comment for it"
-        )
-    elif _numbers(header):
-        hint = "; if the record has no header, file.names states the columns"
-    return [InputError(first.parameter, first.problem + hint)]
 
 
 def find_column(
