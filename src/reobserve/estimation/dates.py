@@ -58,7 +58,7 @@ def _padded(text: str, form: str) -> str:
 
 @cache
 def _numbers(form: str) -> tuple[re.Pattern[str], list[int]]:
-    """What splits a date at numbers that may lack zeros, and their digits."""
+    """The split of a date at numbers that may lack zeros, and their digits."""
     parts = _DIGITS.split(form)
     between = [".+?".join(map(re.escape, re.split("%.", part))) for part in parts[::2]]
     widths = [k % 2 * (len(part) + len(re.findall("[jf]", part))) for k, part in enumerate(parts)]

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import zip_longest
 
 from reobserve.core.errors import InputError, shown
 from reobserve.estimation.file_format import NOTHING, FileFormat
@@ -266,7 +267,10 @@ def _titles(header: str, dialect: Dialect, place: str) -> list[str]:
 
 def _with_units(titles: list[str], units: list[str]) -> list[str]:
     """Titles as they would be with units in them."""
-    bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", unit.strip()).strip() for unit in units]
-    bare += [""] * (len(titles) - len(bare))
-    pairs = zip(titles, bare, strict=False)
+    pairs = zip_longest(titles, map(unbracketed, units[: len(titles)]))
     return [f"{title} [{unit}]" if title and unit else title for title, unit in pairs]
+
+
+def unbracketed(unit: str) -> str:
+    """A unit without the brackets around it."""
+    return re.sub(r"^[\[(](.*)[\])]$", r"\1", unit.strip()).strip()

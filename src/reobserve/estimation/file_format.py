@@ -1,16 +1,4 @@
-"""The section `file` of a specification: which lines of a text are rows, and what cells may hold.
-
-file:
-  skip: 8                       lines above the header, or above the first row if there is none
-  comment: "#"                  lines that begin with it are left out, wherever they stand
-  header: commented             the header is the last comment above the rows
-  names: [t, y]                 of the columns, where there is no header
-  below_header: [units, skip]   what the lines below the header are
-  repeated_header: skip         leave out lines that repeat the header
-  missing_values: ["?", "OL"]   texts that mean a missing value, besides those of `NOTHING`
-  tail: drop                    leave out a last line that may be truncated
-  where: {entity: sensor.x}     take only rows that have this text in the column
-"""
+"""The section `file` of a specification: which lines are rows, and what cells may hold."""
 
 from __future__ import annotations
 
@@ -54,9 +42,10 @@ class FileFormat:
     """The lines of a text that are no rows, and the texts in cells that are no numbers.
 
     Without any key, the first line is the header, and all lines below it are rows; blank ones are
-    left out. ``names`` may be "" for columns that nobody reads. The lines ``below_header`` are
-    ``units``, which are read as units in titles are, or lines to ``skip``. ``missing_values`` are
-    compared with whole cells.
+    left out, and so are ``skip`` lines above the header and all that begin with ``comment``, of
+    which the last one may be the header. ``names`` may be "" for columns that nobody reads. The
+    lines ``below_header`` are ``units``, which are read as units in titles are, or lines to
+    ``skip``. ``missing_values`` are compared with whole cells.
 
     A last line without a line end may have been truncated within a number. It is read, and refused
     where that cannot be done. With ``tail: drop`` it is left out, and so is a last line, with or

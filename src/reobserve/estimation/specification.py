@@ -1,16 +1,4 @@
-"""Specification of a record and of the observer for it: one YAML file, checked whole.
-
-observer: {kind: kalman, time: continuous, A: ..., ...}  one of `reobserve.estimation.families`
-columns:                                                 of the record, with their units
-  time: {column: t, unit: ms}                            or dates, with a zone
-  measurements: [{column: wx, unit: deg/s, model_unit: rad/s}]
-  inputs: [{column: u, unit: V}]
-sampling: {period: 0.01, uneven: refuse, missing: interpolate, gap: 0.1, at_gap: restart}
-file: {skip: 2, comment: "#"}                            `reobserve.estimation.file_format`
-estimates: {state: {angle: rad, rate: rad/s}}            names and units of what has none
-alarms: [{name: fault, of: innovation wx, sigmas: 5}]
-smooth: false                                            true: each estimate from the whole record
-"""
+"""Specification of a record and of the observer for it: one YAML file, checked whole."""
 
 from __future__ import annotations
 

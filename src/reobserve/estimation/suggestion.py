@@ -22,7 +22,7 @@ from typing import Any
 from reobserve.core.documents import dumped
 from reobserve.core.errors import InputError
 from reobserve.core.units import readings
-from reobserve.estimation.dialect import SIGNS, UNDECODED, Dialect, bare
+from reobserve.estimation.dialect import SIGNS, UNDECODED, Dialect, bare, unbracketed
 from reobserve.estimation.file_format import NOTHING
 from reobserve.estimation.layout import split_title
 from reobserve.estimation.record_file import File
@@ -180,14 +180,9 @@ def sign_of(line: str) -> str:
 
 def kind_of_line(cells: list[str]) -> str:
     """The kind of a line below the header: `units`, or one to `skip`."""
-    units = [_unit(cell) for cell in cells if cell]
+    units = [unbracketed(cell) for cell in cells if cell]
     known = sum(unit in ("-", "1", "%") or bool(readings(unit)) for unit in units)
     return "units" if units and known >= 0.5 * len(units) else "skip"
-
-
-def _unit(cell: str) -> str:
-    """A unit without the brackets around it."""
-    return re.sub(r"^[\[(](.*)[\])]$", r"\1", cell)
 
 
 def _skipping(lines: list[str], count: int) -> dict[str, Any]:
@@ -387,9 +382,9 @@ class _Grid:
         above = {k: line for k, line in enumerate(self.lines[: self.start]) if line.strip()}
         if above and re.fullmatch(r"sep=[,;\t|]", next(iter(above.values()))):
             del above[next(iter(above))]
-        blanks, last = self.dialect.delimiter == "whitespace", [*above][-2:]
+        blanks, lowest = self.dialect.delimiter == "whitespace", [*above][-2:]
         # Sentences in comments, too, have as many words.
-        likely = [k for k in reversed(above) if not (blanks and sign_of(above[k])) or k in last]
+        likely = [k for k in reversed(above) if not (blanks and sign_of(above[k])) or k in lowest]
         fitting = [k for k in likely if self._fits(self._bare(above[k]), odd)]
         full = [k for k in fitting if _lacks(self._bare(above[k])) < 2]
         fitting = full or fitting  # without a line of Smp, say, below titles and units
@@ -431,7 +426,7 @@ class _Grid:
         """Take the units in a line, if there may be one for each title of a number of them."""
         cells = self._cells(line[len(sign_of(line)) :].strip(" "))
         if len(cells) >= count:
-            self.units = [*map(_unit, cells), *[""] * self.width][: self.width]
+            self.units = [*map(unbracketed, cells), *[""] * self.width][: self.width]
 
     def _states_units(self, upper: str, lower: str) -> bool:
         """True if the lower one of two lines that fit seems to have the units of the other."""

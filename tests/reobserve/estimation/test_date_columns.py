@@ -90,8 +90,8 @@ def test_what_is_not_certain_is_left_to_the_slow_way(texts: list[str]) -> None:
 
 @pytest.mark.parametrize("quote", ["", '"'])
 def test_stated_texts_that_mean_nothing_are_no_dates(quote: str, tmp_path: Path) -> None:
-    stamps, nothing = ["2026-03-02T14:05:00Z", "NA", "1970-01-01T00:00:00Z"], "1970-01-01T00:00:00Z"
-    lines = [f"{quote}{one}{quote},{k}\n" for k, one in enumerate(stamps)]
+    texts, nothing = ["2026-03-02T14:05:00Z", "NA", "1970-01-01T00:00:00Z"], "1970-01-01T00:00:00Z"
+    lines = [f"{quote}{one}{quote},{k}\n" for k, one in enumerate(texts)]
     (tmp_path / "r.csv").write_text("t,y\n" + "".join(lines), encoding="utf-8")
     clock = Clock(("t",), SAME, Dates())
     for stated, count in (((), 1), ((nothing,), 2)):
