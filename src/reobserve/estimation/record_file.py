@@ -137,12 +137,9 @@ class File:
     def first_rows(self, count: int) -> dict[str, list[Any]]:
         """The first cells of all columns of a Parquet file, by title."""
         with self.located():
-            import pyarrow.parquet as parquet
-
-            batches = parquet.ParquetFile(self.packed()).iter_batches(batch_size=count)
-            first = next(batches, None)
             titles = self.header()
-            return {title: [] for title in titles} if first is None else first.to_pydict()
+            first = next(self._batches(titles, None), None)
+            return {title: [] for title in titles} if first is None else first[:count].to_pydict()
 
     def _chosen(
         self, columns: Sequence[str], choice: RowChoice, tell: Tell | None = None
