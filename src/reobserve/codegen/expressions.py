@@ -30,19 +30,24 @@ from reobserve.codegen.statements import (
 )
 from reobserve.codegen.values import (
     AND,
+    ANYWHERE,
     ATOM,
     COMPARED,
+    LARGEST,
     OR,
     PRODUCT,
     SIGN,
     SUM,
     TERNARY,
+    TRUTH,
+    Bounds,
     Number,
     Storage,
     Variable,
     View,
     as_number,
     double,
+    joint,
     negated,
     number,
     row_strides,
@@ -63,6 +68,8 @@ ARITHMETIC: dict[type, tuple[str, int, Any]] = {
     ast.Pow: ("", PRODUCT, operator.pow), ast.BitAnd: ("&&", AND, operator.and_),
 }  # fmt: skip
 
+_REAL = "double", "float"
+
 _COMPARED: dict[type, tuple[str, Any]] = {
     ast.Lt: ("<", operator.lt), ast.LtE: ("<=", operator.le), ast.Gt: (">", operator.gt),
     ast.GtE: (">=", operator.ge), ast.Eq: ("==", operator.eq), ast.NotEq: ("!=", operator.ne),
@@ -74,6 +81,19 @@ _HELPERS = {
     "greatest": "static double greatest(double first, double second)\n{\n"
     "    return (second > first) ? second : first;\n}\n\n",
 }
+
+
+def _joined_bounds(sign: ast.operator, first: Bounds, second: Bounds) -> Bounds:
+    """From where to where the result of arithmetic of whole numbers is."""
+    (a, b), (c, d) = first, second
+    if isinstance(sign, ast.Add):
+        return a + c, b + d
+    if isinstance(sign, ast.Sub):
+        return a - d, b - c
+    if isinstance(sign, ast.Mult):
+        corners = [left * right if left and right else 0 for left in first for right in second]
+        return min(corners), max(corners)
+    return 0, d if isinstance(sign, ast.Mod) else b
 
 
 class Expressions:
@@ -91,7 +111,8 @@ class Expressions:
         self.variables: dict[tuple[str, str, str], Variable] = {}  # by name, kind and whole
         self.spelled: dict[tuple[str, str], str] = {}
         counts = [name for node in ast.walk(tree) for name in stored(node)]
-        counts += [one.arg for one in tree.args.args]
+        counts += [one.arg for one in ast.walk(tree.args) if isinstance(one, ast.arg)]
+        self.own = {*counts}
         self.again = {name for name in counts if counts.count(name) > 1}
         self.returned: list[Any] = []
         self.handed = 0
@@ -113,8 +134,8 @@ class Expressions:
         free: str = self.of.local(name, self.taken)
         return free
 
-    def _number(self, variable: Variable, natural: bool = False) -> Number:
-        return Number(variable.name, variable.kind, ATOM, frozenset({variable}), natural)
+    def _number(self, variable: Variable, bounds: Bounds = ANYWHERE) -> Number:
+        return Number(variable.name, variable.kind, ATOM, frozenset({variable}), bounds)
 
     def emit(self, statement: Statement) -> None:
         """Add a statement."""
@@ -133,7 +154,7 @@ class Expressions:
         """A value in a variable of its own."""
         variable = Variable(self._named(name), value.kind)
         self.emit(Assign(variable, variable.name, "=", value.text, value.reads))
-        return self._number(variable, value.natural)
+        return self._number(variable, value.bounds)
 
     def _write(self, view: View, sign: str, value: Any) -> None:
         storage = view.storage
@@ -175,9 +196,9 @@ class Expressions:
     def _of_Name(self, node: ast.Name, *_: Any) -> Any:
         if node.id in self.env:
             return self.env[node.id]
-        if node.id in self.scope:
+        if node.id in self.scope and node.id not in self.own:
             return self.of.value(self.scope[node.id], node.id)
-        if not hasattr(builtins, node.id):
+        if node.id in self.own or not hasattr(builtins, node.id):
             self.refuse(f"{node.id}, which stands for several things here")
         return getattr(builtins, node.id)
 
@@ -221,7 +242,20 @@ class Expressions:
             self.emit(Table(storage))
             for place, each in enumerate(values):
                 self._write(storage.view().moved(0, place).without(0), "=", each)
-        return storage.view().moved(0, index).without(0).entry()
+        return storage.view().moved(0, self._index(index, len(values))).without(0).entry()
+
+    def _index(self, index: Any, size: int) -> Any:
+        """An index of an axis, which counts from the end of it where it is negative."""
+        if not isinstance(index, Number):
+            return index + size if index < 0 else index
+        if index.kind != "int32_t":
+            self.refuse("an index that is no whole number")
+        here, behind = index.within(SUM), f"{index.within(SUM)} + {size}"
+        if index.natural:
+            return index
+        if index.bounds[1] < 0:
+            return Number(behind, "int32_t", SUM, index.reads)
+        return Number(f"({here} < 0) ? {behind} : {here}", "int32_t", TERNARY, index.reads)
 
     def _read(self, view: View) -> Any:
         """The entry of a view of no axis, or a view."""
@@ -242,11 +276,7 @@ class Expressions:
                 view = self._cut(view, axis, each)
                 axis += 1
                 continue
-            index = self.expression(each)
-            if isinstance(index, int) and index < 0:
-                index += view.shape[axis]
-            if isinstance(index, Number) and index.kind != "int32_t":
-                self.refuse("an index that is no whole number")
+            index = self._index(self.expression(each), view.shape[axis])
             if isinstance(index, int) and not 0 <= index < view.shape[axis]:
                 self.refuse("an index beyond the end of an array")
             view = view.moved(axis, index).without(axis)
@@ -272,6 +302,8 @@ class Expressions:
             )
             if not same or not isinstance(count, int):
                 self.refuse("a slice whose length is not known here")
+            if not start.natural or start.bounds[1] + count > shape[axis]:
+                self.refuse("a slice that may reach beyond the array")
             shape[axis] = count
         else:
             span = self._slice(node, view.shape[axis])
@@ -291,7 +323,8 @@ class Expressions:
             return -value
         text = value.within(SIGN)
         text = f"({text})" if text.startswith("-") else text
-        return Number(f"-{text}", value.kind, SIGN, value.reads)
+        low, high = value.bounds
+        return Number(f"-{text}", value.kind, SIGN, value.reads, (-high, -low))
 
     def _of_BoolOp(self, node: ast.BoolOp, whole: bool, _: str) -> Any:
         """A conjunction or disjunction, whose further parts are computed if the first says so."""
@@ -306,24 +339,22 @@ class Expressions:
             block = Block()
             with self.inside(block):
                 more = self.expression(each, whole)
-            if any(isinstance(one, Invoke) for one in block.statements):
-                kept = self._variable("both" if conjunction else "either", "int32_t")
-                self.emit(Assign(kept, kept.name, "=", value.text, value.reads))
-                both, rest = self._number(kept, natural=True), as_number(more)
-                assign = Assign(kept, kept.name, "=", rest.text, rest.reads)
-                test = both if conjunction else negated(both)
+            first, second = self._alike(value, more)
+            if block.statements or not (first.truth and second.truth):
+                kept = self._kept(first, "both" if conjunction else "either")
+                (target,) = kept.reads
+                assign = Assign(target, kept.text, "=", second.text, second.reads)
+                test = kept if conjunction else negated(kept)
                 self.emit(If(test, Block([*block.statements, assign]), Block()))
-                value = both
-                continue
-            self.block.statements += block.statements
-            if not isinstance(more, Number):
+                value = replace(kept, bounds=joint(first.bounds, second.bounds))
+            elif not isinstance(more, Number):
                 if bool(more) is not conjunction:
                     return bool(more)
-                continue
-            sign, level = ("&&", AND) if conjunction else ("||", OR)
-            parts = [p.within(COMPARED if p.level != level else level) for p in (value, more)]
-            text = f" {sign} ".join(parts)
-            value = Number(text, "int32_t", level, value.reads | more.reads, True)
+            else:
+                sign, level = ("&&", AND) if conjunction else ("||", OR)
+                parts = [p.within(COMPARED if p.level != level else level) for p in (value, more)]
+                reads = value.reads | more.reads
+                value = Number(f" {sign} ".join(parts), "int32_t", level, reads, TRUTH)
         return value
 
     def _of_Compare(self, node: ast.Compare, whole: bool, _: str) -> Any:
@@ -338,7 +369,7 @@ class Expressions:
                     return False
             elif isinstance(found, Number):
                 text = f"{found.within(AND)} && {one.within(COMPARED)}"
-                found = Number(text, "int32_t", AND, found.reads | one.reads, True)
+                found = Number(text, "int32_t", AND, found.reads | one.reads, TRUTH)
             else:
                 found = one
         return found
@@ -352,42 +383,55 @@ class Expressions:
             found: Any = False
             for each in right:
                 one = self._compared(ast.Eq(), left, each)
+                if one is True:
+                    return True
                 if isinstance(one, Number) and isinstance(found, Number):
                     text = f"{found.text} || {one.text}"
-                    found = Number(text, "int32_t", OR, found.reads | one.reads, True)
+                    found = Number(text, "int32_t", OR, found.reads | one.reads, TRUTH)
                 elif one is not False:
-                    found = one if found is False else found
+                    found = one
             return found
         if type(sign) not in _COMPARED:
             self.refuse("such a comparison")
         text, operation = _COMPARED[type(sign)]
+        if any(isinstance(one, tuple | View) and "Number(" in repr(one) for one in (left, right)):
+            self.refuse("a comparison of tuples or arrays")
         if not isinstance(left, Number) and not isinstance(right, Number):
             return bool(operation(left, right))
         first, second = self._alike(left, right)
         text = f"{first.within(SUM)} {text} {second.within(SUM)}"
-        return Number(text, "int32_t", COMPARED, first.reads | second.reads, True)
+        return Number(text, "int32_t", COMPARED, first.reads | second.reads, TRUTH)
 
     def _alike(self, left: Any, right: Any) -> tuple[Number, Number]:
         """Two numbers of one kind."""
         for value in (left, right):
             if not isinstance(value, Number | int | float):
                 self.refuse("arithmetic of what are no numbers")
-        first, second = as_number(left), as_number(right)
-        if first.kind != second.kind:
+        if any(getattr(value, "kind", type(value).__name__) in _REAL for value in (left, right)):
             return double(left), double(right)
-        return first, second
+        return as_number(left), as_number(right)
 
     def _of_IfExp(self, node: ast.IfExp, *_: Any) -> Any:
         test = self.expression(node.test)
         if not isinstance(test, Number):
             return self.expression(node.body if test else node.orelse)
-        first, second = self._alike(self.expression(node.body), self.expression(node.orelse))
+        blocks, values = (Block(), Block()), []
+        for block, each in zip(blocks, (node.body, node.orelse), strict=True):
+            with self.inside(block):
+                values.append(self.expression(each))
+        first, second = self._alike(*values)
+        bounds = joint(first.bounds, second.bounds)
+        if blocks[0].statements or blocks[1].statements:
+            chosen = Variable(self._named("chosen"), first.kind)
+            for block, one in zip(blocks, (first, second), strict=True):
+                block.statements.append(Assign(chosen, chosen.name, "=", one.text, one.reads))
+            self.emit(If(test, *blocks))
+            return self._number(chosen, bounds)
         parts = [one.within(OR) for one in (first, second)]
         condition = test.text if test.level == ATOM else f"({test.text})"
         reads = test.reads | first.reads | second.reads
-        natural = first.natural and second.natural
         text = f"{condition} ? {parts[0]} : {parts[1]}"
-        return Number(text, first.kind, TERNARY, reads, natural)
+        return Number(text, first.kind, TERNARY, reads, bounds)
 
     def _of_BinOp(self, node: ast.BinOp, *_: Any) -> Any:
         left, right = self.expression(node.left), self.expression(node.right)
@@ -409,15 +453,22 @@ class Expressions:
         whole = first.kind == "int32_t"
         if isinstance(sign, ast.Div):
             first, second = double(left), double(right)
+        elif text == "&&" and not (first.truth and second.truth):
+            self.refuse("an operator of bits")
         elif text in ("/", "%") and not (whole and first.natural and second.natural):
             self.refuse("a division with remainder of what may be negative or no whole number")
-        natural = whole and text != "-" and first.natural and second.natural
+        bounds = _joined_bounds(sign, first.bounds, second.bounds) if whole else ANYWHERE
+        if LARGEST < max(map(abs, bounds)) < math.inf:
+            self.refuse("a whole number that may have more than 32 bits")
         reads = first.reads | second.reads
         joined = f"{first.within(level)} {text} {second.within(level + 1)}"
-        return Number(joined, first.kind, level, reads, natural)
+        return Number(joined, first.kind, level, reads, bounds)
 
     def _power(self, base: Any, exponent: Any) -> Number:
         """A power, of a whole exponent by squaring, as numba compiles it."""
+        for whole in (base, exponent):
+            if isinstance(whole, Number) and whole.kind == "int32_t":
+                self.refuse("a power of whole numbers that vary")
         if not isinstance(exponent, int):
             first, second = double(base), double(exponent)
             text = f"pow({first.text}, {second.text})"
@@ -479,7 +530,7 @@ class Expressions:
             return self._of_math(function, given)
         if isinstance(function, np.ufunc):
             return self._of_math(function, given)
-        if function is np.empty:
+        if function is np.empty and len(given) == 1:
             shape = given[0] if isinstance(given[0], tuple) else (given[0],)
             if not all(isinstance(size, int) for size in shape):
                 self.refuse("an array whose shape is not known here")
@@ -505,8 +556,8 @@ class Expressions:
                 sign = "<" if function is min else ">"
                 one, other = second.within(SUM), first.within(SUM)
                 text = f"({one} {sign} {other}) ? {one} : {other}"
-                natural = first.natural and second.natural
-                value = Number(text, "int32_t", TERNARY, reads, natural)
+                bounds = tuple(map(function, first.bounds, second.bounds))
+                value = Number(text, "int32_t", TERNARY, reads, bounds)
                 continue
             name = "least" if function is min else "greatest"
             self.of.helpers[name] = _HELPERS[name]
@@ -532,7 +583,7 @@ class Expressions:
         text = f"{name}({', '.join(part.text for part in parts)})"
         reads = union(part.reads for part in parts)
         if name.startswith("is"):
-            return Number(text, "int32_t", ATOM, reads, True)
+            return Number(text, "int32_t", ATOM, reads, TRUTH)
         return Number(text, "double", ATOM, reads)
 
     def _reshaped(self, node: ast.Call) -> View:
@@ -557,6 +608,8 @@ class Expressions:
             return handed[result.parameter]
         call = Call(routine, handed)
         written = self._written(call)
+        if hasattr(function, "source") and written - {given[-1].storage}:
+            self.refuse(f"a call of {routine.name}, which changes an array that it reads")
         if result.constant and not written:
             return result.value
         self.routine.calls.append(call)
@@ -568,7 +621,7 @@ class Expressions:
             return result.value
         reads = frozenset({call})
         if not written and not routine.structure:
-            return Number(call.token, routine.results[0], ATOM, reads)
+            return Number(call.token, routine.results[0], ATOM, reads, routine.bounds[0])
         kind = routine.structure or routine.results[0]
         named = not routine.structure and hint
         target = self._variable(hint, kind) if named else Variable(
@@ -579,10 +632,11 @@ class Expressions:
         else:
             self.emit(Assign(target, target.name, "=", call.token, reads))
         if not routine.structure:
-            return self._number(target)
+            return self._number(target, routine.bounds[0])
+        parts = enumerate(zip(routine.results, routine.bounds, strict=True))
         return tuple(
-            Number(f"{target.name}.v{place}", each, ATOM, frozenset({target}))
-            for place, each in enumerate(routine.results)
+            Number(f"{target.name}.v{place}", each, ATOM, frozenset({target}), bounds)
+            for place, (each, bounds) in parts
         )
 
     def _written(self, call: Call) -> set[Storage]:

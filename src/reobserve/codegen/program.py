@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from reobserve.codegen.statements import Needed, Text
 from reobserve.codegen.translator import Translator
-from reobserve.codegen.values import Storage, View, row_strides
+from reobserve.codegen.values import Bounds, Storage, View, row_strides
 from reobserve.observers.gaussian_state import Rules
 
 Array = NDArray[Any]
@@ -72,12 +72,12 @@ class Code:
         self._add("estimate", program.estimates)
         self._add("memory", program.memory)
         self._add("work", program.scratch)
-        known, alone, before = [*self._known], dict[Any, set[int]](), None
-        while alone != before:
-            self._known, before = [*known], alone
-            self.translator = translator = Translator(self._view, alone)
+        known, found, before = [*self._known], (dict[Any, set[int]](), dict[Any, Bounds]()), None
+        while found != before:
+            self._known, before = [*known], found
+            self.translator = translator = Translator(self._view, *found)
             self.step = translator.entry(program.step, program.arguments)
-            alone = translator.alone()
+            found = translator.alone(), translator.widened()
         self.storages["constant"] = translator.constants
         self._routines = translator.routines
         self.needed = Needed(self._routines, {*self.storages["estimate"]})

@@ -29,7 +29,7 @@ def source(function: Callable[..., Any]) -> tuple[ast.FunctionDef, dict[int, str
     equations, own = {}, [line.strip() for line in text.splitlines()]
     for place, line in enumerate(own):
         if line.startswith("# ") and "=" in line and "numba" not in line:
-            equations[place + 2] = line[2:].replace("*/", "* /")
+            equations[place + 2] = line[2:]
     return tree, equations, inspect.getsourcefile(function) or "", first
 
 

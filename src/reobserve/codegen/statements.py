@@ -10,6 +10,7 @@ from typing import Any
 
 from reobserve.codegen.values import (
     NOTHING,
+    Bounds,
     Number,
     Reads,
     Storage,
@@ -120,6 +121,7 @@ class Routine:
     about: str
     parameters: list[Variable | Storage] = field(default_factory=list)
     results: list[str] = field(default_factory=list)
+    bounds: list[Bounds] = field(default_factory=list)  # of these
     body: Block = field(default_factory=Block)
     calls: list[Call] = field(default_factory=list)
     writes: set[Storage] = field(default_factory=set)  # what is not its own
@@ -239,7 +241,7 @@ class Text:
         variables = {one for one in found if one is not None and not one.parameter}
         for variable in sorted(variables, key=lambda each: each.name):
             self._declare(routine.body, variable)
-        about = line(f"/* {routine.about} */", "") if routine.about else ""
+        about = line(comment(routine.about), "") if routine.about else ""
         body = "".join(self._lines(routine.body, 1, frozenset()))
         return f"{about}{head or self._head(routine)}{{\n{begin}{body}}}\n\n"
 
@@ -358,7 +360,7 @@ class Text:
         space, above = "    " * depth, ""
         for one in block.statements:
             if isinstance(one, Comment):
-                above = line(f"/* {one.text} */", space)
+                above = line(comment(one.text), space)
             elif one.live:
                 yield above
                 above = ""
@@ -445,6 +447,11 @@ def reads_of(one: Any) -> Reads:
     if isinstance(one, Invoke):
         return frozenset({one.call})
     return union(value.reads for value in one.values) if isinstance(one, Jump) else NOTHING
+
+
+def comment(text: str) -> str:
+    """A comment of C, without marks of comments in it."""
+    return f"/* {text.replace('*/', '* /').replace('/*', '/ *')} */"
 
 
 def line(text: str, space: str) -> str:

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -39,12 +41,14 @@ from reobserve.codegen.statements import (
 from reobserve.codegen.values import (
     ATOM,
     SUM,
+    Bounds,
     Number,
     Storage,
     Variable,
     View,
     as_number,
     double,
+    joint,
     number,
 )
 from reobserve.core.errors import InputError
@@ -71,6 +75,11 @@ RESERVED = frozenset(
 )
 
 
+# What is raised where a value is not of the kind that is known there.
+_UNKNOWN = (ArithmeticError, AssertionError, AttributeError, LookupError, RecursionError, TypeError,
+            ValueError)  # fmt: skip
+
+
 class _OverError(Exception):
     """The statements behind one are never reached: it is a jump that no condition guards."""
 
@@ -83,11 +92,16 @@ class Translator:
     """Functions of C, made as they are called, the outermost first.
 
     ``view`` finds the view of an array of Python. ``alone`` are the arguments of functions that are
-    the same array at all calls, as `alone` found them before: they stand where they are.
+    the same array at all calls, as `alone` found them before: they stand where they are. ``ranges``
+    are the bounds of variables that loops change, of which those that were ``reached`` are a part.
     """
 
-    def __init__(self, view: Callable[[Any, str], View], alone: Mapping[Any, set[int]]) -> None:
-        self.view, self.given = view, alone
+    def __init__(
+        self, view: Callable[[Any, str], View], alone: Mapping[Any, set[int]],
+        ranges: Mapping[tuple[str, str], Bounds],
+    ) -> None:  # fmt: skip
+        self.view, self.given, self.ranges = view, alone, ranges
+        self.reached: dict[tuple[str, str], Bounds] = {}
         self.arrays: dict[Any, list[set[Any]]] = {}  # that functions are called with
         self.routines: list[Routine] = []
         self.names: set[str] = {*RESERVED}  # of functions and constants
@@ -163,7 +177,11 @@ class Translator:
         self, function: Any, name: str, values: list[Any]
     ) -> tuple[Routine, Result, list[Any]]:
         """The routine of a function for such arguments, what it returns, and what it is handed."""
-        handed: list[Any] = []
+        inner, handed = plain(function), list[Any]()
+        missing = inner.__code__.co_argcount - len(values) if inspect.isfunction(inner) else 0
+        if missing > 0:
+            own = (inner.__defaults__ or ())[-missing:]
+            values = [*values, *(self.value(one, f"{name}_default") for one in own)]
         key = (self._identity(function), tuple(self._key(value, handed) for value in values))
         arrays = self.arrays.setdefault(key, [set() for _ in handed])
         for known, value in zip(arrays, handed, strict=True):
@@ -182,6 +200,15 @@ class Translator:
             for key, arrays in self.arrays.items()
         }
 
+    def widened(self) -> dict[tuple[str, str], Bounds]:
+        """The ``ranges``, and where they were left the next ones of a few."""
+        ranges = dict(self.ranges)
+        for key, (low, high) in self.reached.items():
+            least, most = ranges.get(key, (low, high))
+            least = least if low >= least else 0 if low >= 0 else -math.inf
+            ranges[key] = least, most if high <= most else 1 if high <= 1 else math.inf
+        return ranges
+
     def _identity(self, function: Any) -> Any:
         rows = rows_of(function)
         return rows if rows is not None else plain(function)
@@ -190,7 +217,7 @@ class Translator:
         """The part of an argument that a routine is made for. The rest is ``handed`` over."""
         if isinstance(value, Number):
             handed.append(value)
-            return "number", value.kind, value.natural
+            return "number", value.kind, value.range
         if isinstance(value, View):
             handed.append(value)
             storage = value.storage
@@ -261,9 +288,7 @@ class Body(Expressions):
         them, stand where they are.
         """
         names = [one.arg for one in self.tree.args.args]
-        defaults = dict(zip(names[::-1], self.tree.args.defaults[::-1], strict=False))
-        for place, name in enumerate(names):
-            value = values[place] if place < len(values) else self.expression(defaults[name])
+        for name, value in zip(names, values, strict=True):
             self.env[name] = value if fixed is None else self._parameter(name, value, fixed)
         with suppress(_OverError):
             self.statements(self.tree.body)
@@ -288,7 +313,7 @@ class Body(Expressions):
             self.variables[name, value.kind, whole or name] = variable
             self.spelled[name, value.kind] = variable.name
             self.routine.parameters.append(variable)
-            return self._number(variable, value.natural)
+            return self._number(variable, value.range)
         storage = Storage(
             self._named(name), "parameter", (value.span,), value.storage.integer,
             uniform=value.uniform,
@@ -315,6 +340,7 @@ class Body(Expressions):
         for column in zip(*rows, strict=True):
             numbers = [as_number(value) for value in column]
             kinds = {one.kind for one in numbers}
+            routine.bounds.append(reduce(joint, [one.bounds for one in numbers]))
             routine.results.append("double" if "double" in kinds else "int32_t")
         for (jump, _), row in zip(found, rows, strict=True):
             jump.values = tuple(
@@ -342,7 +368,12 @@ class Body(Expressions):
             method = getattr(self, f"_do_{type(node).__name__}", None)
             if method is None:
                 self.refuse(f"a statement of the kind {type(node).__name__}")
-            method(node)
+            try:
+                method(node)
+            except InputError:
+                raise
+            except _UNKNOWN as error:
+                self.refuse(f"{type(error).__name__}: {error}")
 
     def _skips(self, node: ast.If, nodes: list[ast.stmt]) -> bool:
         """True if a jump in a loop that is run through once leaves out what follows it."""
@@ -446,8 +477,8 @@ class Body(Expressions):
             return tuple(
                 self._assigned(f"{name}_{i}", whole, part, changes=changes) for i, part in parts
             )
-        changes = changes or (self.depth > 0 and whole in self.again)
-        if isinstance(value, bool | int | float) and changes:
+        again = changes or (self.depth > 0 and whole in self.again)
+        if isinstance(value, bool | int | float) and again:
             value = number(value)
         if isinstance(value, View):
             terms = tuple((self._steady(index), step) for index, step in value.terms)
@@ -459,7 +490,10 @@ class Body(Expressions):
         variable = self._variable(name, value.kind, whole)
         if value.text != variable.name:
             self.emit(Assign(variable, variable.name, "=", value.text, value.reads))
-        return self._number(variable, value.natural and not changes)
+        key = self.routine.name, name
+        reached = self.of.reached[key] = joint(self.of.reached.get(key, value.bounds), value.bounds)
+        bounds = joint(self.of.ranges.get(key, reached), reached) if changes else value.bounds
+        return self._number(variable, bounds)
 
     def _steady(self, index: Number) -> Number:
         """An index of a view that stays what it is."""
@@ -474,7 +508,7 @@ class Body(Expressions):
         value = self.expression(node.value)
         if isinstance(node.target, ast.Subscript):
             view = self._entry(node.target)
-            if sign not in ("+", "-", "*", "/"):
+            if sign not in ("+", "-", "*", "/") or isinstance(node.op, ast.FloorDiv):
                 self.refuse("such a change of an entry")
             self._write(view, f"{sign}=", value)
             return
@@ -490,7 +524,7 @@ class Body(Expressions):
             text = double(value).text if known.kind == "double" else as_number(value).text
             reads = result.reads
             self.emit(Assign(variable, known.text, f"{sign}=", text, reads))
-            self.env[name] = Number(known.text, known.kind, ATOM, known.reads)
+            self.env[name] = self._assigned(name, name, replace(known, bounds=result.bounds))
         else:
             self._bind(name, result)
 
@@ -511,6 +545,8 @@ class Body(Expressions):
             self.env = dict(before)
             self.depth += 1
             over = False
+            if nodes is body:
+                self._guard(test)
             with self.inside(blocks[-1]):
                 try:
                     self.statements(nodes)
@@ -522,14 +558,24 @@ class Body(Expressions):
         self.emit(If(condition, *blocks))
         self.env = self._merged(before, envs)
 
+    def _guard(self, test: ast.expr) -> None:
+        """Note where a whole number is above zero."""
+        match test:
+            case ast.Compare(ast.Name(name), [ast.Gt()], [ast.Constant(0)]):
+                known = self.env.get(name)
+                if isinstance(known, Number) and known.kind == "int32_t":
+                    self.env[name] = replace(known, bounds=(1.0, max(1.0, known.bounds[1])))
+
     def _merged(self, before: dict[str, Any], after: list[dict[str, Any]]) -> dict[str, Any]:
         """The names after branches: those that stand for the same in all of them."""
         if not after:
             return before
         first, *rest = after
         merged = {
-            name: value for name, value in first.items()
-            if all(name in env and _same(env[name], value) for env in rest)
+            name: reduce(_in_either, [env[name] for env in rest], value)
+            for name, value in first.items() if all(
+                name in env and _same(env[name], value) for env in rest
+            )
         }  # fmt: skip
         # What is known inside alone is another variable where it is assigned again.
         gone = {name for env in after for name in env} - merged.keys() - before.keys()
@@ -650,8 +696,12 @@ class Body(Expressions):
         wanted = "i" if vector is not None or node.target.id == "_" else node.target.id
         index = Variable(self._loop_name(wanted), "int32_t", parameter=True)
         first, last = as_number(start), as_number(stop)
-        natural = first.natural if step > 0 else last.natural or stop == -1
-        here = Number(index.name, "int32_t", ATOM, frozenset({index}), natural)
+        if last.reads & set().union(*(self._owned(self.env.get(n)) for n in changed(node.body))):
+            last = self._kept(last, "stop")
+        bounds = (first.bounds[0], last.bounds[1] - 1)
+        if step < 0:
+            bounds = (last.bounds[0] + 1, first.bounds[1])
+        here = self._number(index, bounds)
         head = (
             f"int32_t {index.name} = {first.text}; {index.name} {'<' if step > 0 else '>'} "
             f"{last.within(SUM)}; {'++' if step > 0 else '--'}{index.name}"
@@ -690,6 +740,14 @@ class Body(Expressions):
             self.loop_names.setdefault(wanted, name)
             return name
         return self.loop_names[wanted]
+
+
+def _in_either(left: Any, right: Any) -> Any:
+    """A value that stands for the same as another one, wherever one of them is."""
+    if isinstance(left, tuple):
+        parts = list(map(_in_either, left, right))
+        return type(left)(*parts) if hasattr(left, "_fields") else tuple(parts)
+    return left.joined(right) if isinstance(left, Number) else left
 
 
 def _same(left: Any, right: Any) -> bool:

@@ -12,11 +12,16 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 Reads = frozenset[Hashable]
+Bounds = tuple[float, float]
 
 # How strongly operators of C bind.
 TERNARY, OR, AND, COMPARED, SUM, PRODUCT, SIGN, ATOM = range(8)
 
+LARGEST = 2**31 - 1
 NOTHING: Reads = frozenset()
+
+# From where to where whole numbers are, of which some are not negative, and some 0 or 1.
+ANYWHERE, NATURAL, TRUTH = (-math.inf, math.inf), (0.0, math.inf), (0.0, 1.0)
 
 
 @dataclass(eq=False)
@@ -30,13 +35,32 @@ class Variable:
 
 @dataclass(frozen=True)
 class Number:
-    """An expression of C, what it reads, and whether it is known not to be negative."""
+    """An expression of C, what it reads, and the least and greatest whole number it may be."""
 
     text: str
     kind: str
     level: int = ATOM
     reads: Reads = NOTHING
-    natural: bool = False
+    bounds: Bounds = ANYWHERE
+
+    @property
+    def natural(self) -> bool:
+        """True if it is known not to be negative."""
+        return self.bounds[0] >= 0
+
+    @property
+    def truth(self) -> bool:
+        """True if it is known to be 0 or 1."""
+        return self.natural and self.bounds[1] <= TRUTH[1]
+
+    @property
+    def range(self) -> Bounds:
+        """The narrowest of a few bounds that it keeps, for which functions are made."""
+        return TRUTH if self.truth else NATURAL if self.natural else ANYWHERE
+
+    def joined(self, other: Number) -> Number:
+        """It, with the bounds of what is either."""
+        return replace(self, bounds=joint(self.bounds, other.bounds))
 
     def within(self, level: int) -> str:
         """The expression as a part of one of this level."""
@@ -138,7 +162,10 @@ class View:
         storage = self.storage
         text = storage.path if storage.scalar else storage.path + self._index()
         reads = self.reads | {storage}
-        return Number(text, storage.kind, ATOM, reads, natural=storage.integer)
+        data, bounds = storage.data, NATURAL if storage.integer else ANYWHERE
+        if storage.integer and data is not None:
+            bounds = np.min(data, initial=0).item(), np.max(data, initial=0).item()
+        return Number(text, storage.kind, ATOM, reads, bounds)
 
     def pointer(self) -> str:
         """The address of its first entry."""
@@ -167,6 +194,11 @@ def row_strides(shape: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(math.prod(shape[axis + 1 :]) for axis in range(len(shape)))
 
 
+def joint(first: Bounds, second: Bounds) -> Bounds:
+    """Bounds of what is within one of two."""
+    return min(first[0], second[0]), max(first[1], second[1])
+
+
 def union(parts: Iterable[Reads]) -> Reads:
     """All that is read."""
     return frozenset().union(*parts)
@@ -186,17 +218,23 @@ def literal(value: Any) -> str:
 def number(value: Any) -> Number:
     """A constant as a number."""
     whole = isinstance(value, bool | int | np.bool_ | np.integer)
+    if whole and abs(value) > LARGEST:
+        raise OverflowError(f"{value}, a whole number of more than 32 bits")
     text = literal(value)
     level = SIGN if text[0] in "-(" else ATOM
-    return Number(text, "int32_t" if whole else "double", level, NOTHING, whole and value >= 0)
+    bounds = (int(value), int(value)) if whole else ANYWHERE
+    return Number(text, "int32_t" if whole else "double", level, NOTHING, bounds)
 
 
 def negated(condition: Number) -> Number:
     """The condition that does not hold where this one does."""
-    text = condition.text
+    text, reads = condition.text, condition.reads
+    if not condition.truth:
+        zero = "0" if condition.kind == "int32_t" else "0.0"
+        return Number(f"{condition.within(SUM)} == {zero}", "int32_t", COMPARED, reads, TRUTH)
     if text.startswith("!") and condition.level == SIGN:
         return replace(condition, text=text[1:], level=ATOM if text[1] != "(" else TERNARY)
-    return Number(f"!{condition.within(SIGN)}", "int32_t", SIGN, condition.reads, True)
+    return Number(f"!{condition.within(SIGN)}", "int32_t", SIGN, reads, TRUTH)
 
 
 def double(value: Any) -> Number:
