@@ -341,7 +341,7 @@ class Expressions:
                 more = self.expression(each, whole)
             first, second = self._alike(value, more)
             if block.statements or not (first.truth and second.truth):
-                kept = self._kept(first, "both" if conjunction else "either")
+                kept: Any = self._kept(first, "both" if conjunction else "either")
                 (target,) = kept.reads
                 assign = Assign(target, kept.text, "=", second.text, second.reads)
                 test = kept if conjunction else negated(kept)

@@ -520,7 +520,7 @@ def correct(
     total = log_likelihood
     for a in range(len(work.linear.states)):
         total += mean[a] + covariance[a, a]
-    if below_zero(covariance, work.linear):
+    if work.cause[0] == 0 and below_zero(covariance, work.linear):
         vague = is_vague(innovation, work.linear)
         if vague or extended is None:
             work.cause[0] = NEGATIVE if vague else NO_ROOT
