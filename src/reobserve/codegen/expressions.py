@@ -84,7 +84,7 @@ _HELPERS = {
 
 
 def _joined_bounds(sign: ast.operator, first: Bounds, second: Bounds) -> Bounds:
-    """From where to where the result of arithmetic of whole numbers is."""
+    """Bounds of the result of arithmetic of whole numbers."""
     (a, b), (c, d) = first, second
     if isinstance(sign, ast.Add):
         return a + c, b + d
@@ -253,8 +253,6 @@ class Expressions:
         here, behind = index.within(SUM), f"{index.within(SUM)} + {size}"
         if index.natural:
             return index
-        if index.bounds[1] < 0:
-            return Number(behind, "int32_t", SUM, index.reads)
         return Number(f"({here} < 0) ? {behind} : {here}", "int32_t", TERNARY, index.reads)
 
     def _read(self, view: View) -> Any:

@@ -747,7 +747,9 @@ def _in_either(left: Any, right: Any) -> Any:
     if isinstance(left, tuple):
         parts = list(map(_in_either, left, right))
         return type(left)(*parts) if hasattr(left, "_fields") else tuple(parts)
-    return left.joined(right) if isinstance(left, Number) else left
+    if isinstance(left, Number):
+        return replace(left, bounds=joint(left.bounds, right.bounds))
+    return left
 
 
 def _same(left: Any, right: Any) -> bool:

@@ -58,10 +58,6 @@ class Number:
         """The narrowest of a few bounds that it keeps, for which functions are made."""
         return TRUTH if self.truth else NATURAL if self.natural else ANYWHERE
 
-    def joined(self, other: Number) -> Number:
-        """It, with the bounds of what is either."""
-        return replace(self, bounds=joint(self.bounds, other.bounds))
-
     def within(self, level: int) -> str:
         """The expression as a part of one of this level."""
         return self.text if self.level >= level else f"({self.text})"
