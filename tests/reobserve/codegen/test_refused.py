@@ -9,20 +9,40 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reobserve.codegen.programs.filters import filter_program
 from reobserve.core.errors import InputError
 from reobserve.estimation.export_command import exported, run
 from reobserve.estimation.families.program import program_of
-from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.kalman import Gain, KalmanFilter, gain_function
 from reobserve.observers.nonlinear_filter import ExtendedKalmanFilter
+from reobserve.systems.linear import LinearModel
 from reobserve.systems.nonlinear import NonlinearModel
 from tests.reobserve.codegen import cases
 
 DESIGN, _ = cases.designed("kalman")
 KALMAN = KalmanFilter(cases.model())
+ONE = LinearModel([[0.9]], C=[[1.0]], Q=1.0, R=1.0)
+ONE_STATE = KalmanFilter(ONE).init([0.0], 1.0)
 
 
 class Own(KalmanFilter):
     """A user-defined observer."""
+
+
+@gain_function
+def _changing(
+    cross: Any, factor: Any, innovation: Any, error: Any, parameters: Any, gain: Any
+) -> None:
+    innovation[0] *= 0.5
+    gain[0, 0] = 0.1 * innovation[0]
+
+
+class Changing(KalmanFilter):
+    """A filter whose gain function changes the copy of an array that it reads."""
+
+    @property
+    def method(self) -> Gain:
+        return Gain(_changing.compiled, np.empty(0))
 
 
 def bank(*filters: Any) -> Callable[[], Any]:
@@ -60,6 +80,10 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "columns of another number": (columns("kalman", 1, 1), "columns: (1, 1) must be (2, 1), or 1"),
     "inputs of another number": (columns("extended", 1, 2), "columns: (1, 2) must be (1, 3), or 1"),
+    "a gain function that changes an array": (
+        lambda: filter_program(Changing(ONE), ONE_STATE).code,
+        "observer: cannot be exported: ",
+    ),
     "a bank of two kinds": (bank(KALMAN, KALMAN, cases.switching("pseudo")), ONE_KIND),
     "a bank of two laws": (
         bank(*map(cases.switching, ("pseudo", "weighted", "pseudo"))),

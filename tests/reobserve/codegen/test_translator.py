@@ -101,8 +101,9 @@ def _both(value: float, out: Array) -> bool:
 
 
 @kernel
-def _divided(a: float, b: float) -> tuple[float, float]:
-    return a / b, a * b
+def _divided(a: float, b: float, scale: float = 1.0) -> tuple[float, float]:
+    """Find a*/b, /* or its inverse."""
+    return scale * a / b, a * b
 
 
 @kernel
