@@ -109,7 +109,7 @@ def _are_good(matrices: Array, definite: bool) -> Any:
     variances = matrices.diagonal(axis1=1, axis2=2)
     good = (variances > 0 if definite else variances >= 0).all(axis=1)
     good &= (matrices == matrices.transpose(0, 2, 1)).all(axis=(1, 2))
-    diagonal = matrices[0].shape[0] == 1 or not np.count_nonzero(
+    diagonal = matrices.shape[1] == 1 or not np.count_nonzero(
         matrices - variances[:, :, None] * np.eye(matrices.shape[1])
     )
     if diagonal or not good.any():

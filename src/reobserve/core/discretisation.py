@@ -114,9 +114,9 @@ def polynomial_hold(A: ArrayLike, B: ArrayLike, period: float, degree: int) -> t
     block = np.zeros((n + (degree + 1) * p,) * 2)
     # In units of the period: the chain holds u and its derivatives, k! ck at the start.
     block[:n, :n], block[:n, n : n + p] = state, control
-    block *= as_positive("period", period)
-    block[n : n + degree * p, n + p :] = np.eye(degree * p)
     with np.errstate(over="ignore", invalid="ignore"):  # refused below
+        block *= as_positive("period", period)
+        block[n : n + degree * p, n + p :] = np.eye(degree * p)
         held: Array = expm(block)
     if not np.isfinite(held).all():
         raise InputError("period", f"{period:g} s takes the states beyond floating-point numbers")

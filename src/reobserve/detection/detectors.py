@@ -92,7 +92,7 @@ def chi_square_window(
     Raises
     ------
     InputError
-        If a distance is negative or infinite, or a number is not in its range.
+        If a distance is negative or beyond 1e300, or a number is not in its range.
 
     Examples
     --------
@@ -130,7 +130,7 @@ def cusum_of_mean(values: ArrayLike, shift: float, false_alarm_rate: float) -> D
     Raises
     ------
     InputError
-        If a value is infinite, or a number is not in its range.
+        If a value is beyond 1e300, or a number is not in its range.
 
     Examples
     --------
@@ -165,7 +165,7 @@ def glr_of_mean(values: ArrayLike, lengths: ArrayLike, false_alarm_rate: float) 
     Raises
     ------
     InputError
-        If a value is infinite, or a number is not in its range.
+        If a value is beyond 1e140, or a number is not in its range.
 
     Examples
     --------
@@ -182,10 +182,8 @@ def glr_of_mean(values: ArrayLike, lengths: ArrayLike, false_alarm_rate: float) 
     def ratio(taken: Array) -> Array:
         statistic = np.zeros(len(taken))
         for n in each[each <= len(taken)].tolist():
-            with np.errstate(over="ignore", invalid="ignore"):
-                sums = sliding_window_view(taken, n, axis=0).sum(axis=-1)
-                ratios = (sums**2).sum(axis=1) / (2.0 * n)
-            ratios[np.isnan(ratios)] = np.inf  # of sums beyond the float range
+            sums = sliding_window_view(taken, n, axis=0).sum(axis=-1)
+            ratios = (sums**2).sum(axis=1) / (2.0 * n)
             statistic[n - 1 :] = np.maximum(statistic[n - 1 :], ratios)
         return statistic
 
@@ -210,7 +208,7 @@ def glr_of_size(
     Raises
     ------
     InputError
-        If a distance is negative or infinite, or a number is not in its range.
+        If a distance is negative or beyond 1e300, or a number is not in its range.
 
     Examples
     --------

@@ -44,7 +44,7 @@ def cusum(increments: ArrayLike, start: float = 0.0) -> Array:
     Raises
     ------
     InputError
-        If an increment is infinite, or the start negative.
+        If an increment is beyond 1e300, or the start negative.
 
     Examples
     --------
@@ -80,7 +80,7 @@ def inflation_glr(distances: ArrayLike, outputs: int, lengths: ArrayLike) -> Arr
     Raises
     ------
     InputError
-        If a distance is negative or infinite, or a number is not whole, less than 1 or huge.
+        If a distance is negative or beyond 1e300, or a number is not whole, less than 1 or huge.
 
     Examples
     --------
@@ -132,9 +132,8 @@ def as_windows(
 ) -> tuple[Array, int, NDArray[np.int64]]:
     """The arguments of `inflation_glr`, checked (raises as it does)."""
     record = as_record("distances", distances)
-    if (record < 0).any():
-        row = int(np.argmax(record < 0))
-        raise InputError("distances", f"{record[row]:g} at row {row} must be 0 or more")
+    if len(below := np.flatnonzero(record < 0)):
+        raise InputError("distances", f"{record[below[0]]:g} at row {below[0]} must be 0 or more")
     m = as_whole("outputs", outputs, 1, _MOST)
     values = as_numbers("lengths", lengths)
     wrong = (values < 1) | (values > _MOST) | (values != np.floor(values))
@@ -149,8 +148,9 @@ def as_record(name: str, value: ArrayLike, *, wide: bool = False) -> Array:
     if record.ndim != 1 and not (wide and record.ndim == 2):
         problem = f"have shape {record.shape}, must be (k,)"
         raise InputError(name, f"{problem} or (k, m)" if wide else problem)
-    if np.isinf(record).any():
-        raise InputError(name, f"are infinite at row {int(np.argwhere(np.isinf(record))[0, 0])}")
+    most = 1e140 if wide else 1e300  # sums of their squares, or their sums are floats
+    if len(beyond := np.argwhere(np.abs(record) > most)):
+        raise InputError(name, f"must be within {most:g}, are not at row {beyond[0, 0]}")
     return record
 
 

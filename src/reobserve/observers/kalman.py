@@ -783,7 +783,9 @@ def _check(Q: Array, R: Array, S: Array) -> None:
     joint[:, :n, n:], joint[:, n:, :n] = S[:count], S[:count].transpose(0, 2, 1)
     sizes = np.sqrt(joint.diagonal(axis1=1, axis2=2))
     sizes[sizes == 0.0] = 1.0
-    low = np.linalg.eigvalsh(joint / (sizes[:, :, None] * sizes[:, None, :]))[:, 0]
+    with np.errstate(over="ignore"):  # no correlation is above 1
+        joint = np.clip(joint / (sizes[:, :, None] * sizes[:, None, :]), -2.0, 2.0)
+    low = np.linalg.eigvalsh(joint)[:, 0]
     if count and low.min() < -_ROUNDING:
         place = f"row {int(np.argmin(low))}" if count > 1 else "it"
         problem = f"is more than Q and R allow: with {place} [[Q, S], [S', R]] is no covariance"

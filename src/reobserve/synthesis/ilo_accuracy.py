@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.arguments import as_kind
+from reobserve.core.arguments import as_kind, as_word
 from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
 from reobserve.core.matrices import Matrix, as_floats, as_matrix, as_positive
@@ -183,10 +183,10 @@ def predicted_rms_error(
         raise InputError("frequencies", f"{omega.tolist()} must all differ")
     constant = omega[:, None] == 0
     torque = np.where(constant, size, size * np.exp(1j * angle))
-    if variant == "continuous":
+    if as_word("variant", variant, ("continuous", "sampled")) == "continuous":
         error = np.einsum("kij,kj->ki", _continuous(law, omega), torque)
         power = np.abs(error) ** 2
-    elif variant == "sampled":
+    else:
         nyquist = np.pi / law.update_interval
         if np.any(omega >= nyquist):
             raise InputError(
@@ -201,8 +201,6 @@ def predicted_rms_error(
         # The difference of squares, arranged so that a small error keeps its digits.
         lag = np.real(np.conj(torque) * estimate) - cross
         power = np.abs(torque - estimate) ** 2 + 2 * lag
-    else:
-        raise InputError("variant", f"{variant!r} must be 'continuous' or 'sampled'")
     total = np.sum(np.where(constant, power, power / 2), axis=0)
     return np.asarray(np.sqrt(np.maximum(total, 0.0)))
 

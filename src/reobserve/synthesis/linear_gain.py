@@ -159,7 +159,8 @@ def steady_kalman_gain(model: LinearModel) -> Array:
     )
     even = _noise_scaled(model)
     try:
-        P = solve_discrete_are(even.A.T, even.C.T, even.Q, even.R)
+        with np.errstate(invalid="ignore"):  # scipy's, of entries far apart
+            P = solve_discrete_are(even.A.T, even.C.T, even.Q, even.R)
         gain, moves = _kalman_gain(even, P), np.inf
         for _ in range(_NEWTON):
             better = _kalman_gain(even, _covariance(even, gain))

@@ -38,7 +38,7 @@ def as_periods(key: str, value: Any, size: int, names: Sequence[str] | None) -> 
                 problem = f"{shown(name)} is no name of a signal{nearest(str(name), known)}"
                 raise InputError(key, problem)
         value = [value.get(name) for name in known]
-    given = value.tolist() if isinstance(value, np.ndarray) else value
+    given = value.tolist() if type(value) is np.ndarray and value.shape == (size,) else value
     if not isinstance(given, list | tuple) or len(given) != size:
         raise InputError(key, f"{shown(value)} must be a list of {size} periods, None for none")
     periods = np.zeros(size)

@@ -22,7 +22,7 @@ import numpy as np
 
 from reobserve.core.arguments import as_whole, as_word
 from reobserve.core.errors import InputError, ReobserveError, one_line, shown
-from reobserve.core.matrices import as_scalar
+from reobserve.core.matrices import as_positive, as_scalar
 from reobserve.core.progress import progress
 from reobserve.tuning.optimisers import Array, SpentError, search
 
@@ -172,16 +172,15 @@ def tune(
     budget = as_whole("budget", budget, 1, _MOST)
     seed = as_whole("seed", seed, 0, 2**63 - 1)
     workers = as_whole("workers", workers, 1, 1024)
-    if as_scalar("failed", failed) <= 0:
-        raise InputError("failed", f"{failed:g} must be greater than zero")
+    most = as_positive("failed", failed)
     for name, function in (("make", make), ("score", score)):
         if not callable(function):
             raise InputError(name, f"{shown(function)} must be a function")
-    if not isinstance(records, Iterable) or not (records := list(islice(records, _MOST + 1))):
+    if not np.iterable(records) or not (records := list(islice(records, _MOST + 1))):
         raise InputError("records", f"{shown(records)} must be one record or more")
     if len(records) > _MOST:
         raise InputError("records", f"must be {_MOST} or fewer")
-    objective = Objective(make, records, score, float(failed))
+    objective = Objective(make, records, score, most)
     history: list[Evaluation] = []
     reason = ""
     shown_as = f"{{}} of {budget} evaluations, best score {{:.4g}}"

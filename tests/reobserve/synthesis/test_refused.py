@@ -73,7 +73,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "another variant": (
         lambda: predicted_rms_error([[1.0]], [1.0], law(), variant="held"),
-        "variant: 'held' must be 'continuous' or 'sampled'",
+        "variant: 'held' must be one of continuous, sampled",
     ),
     "a response beyond numbers": (lambda: error_transfer([0.0], law(K1=1e308, K2=1e308)), DYNAMICS),
     "a map beyond numbers": (lambda: sampled_map(law(fault_matrix=1e200, K2=1e200)), DYNAMICS),

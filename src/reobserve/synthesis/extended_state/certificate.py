@@ -134,7 +134,9 @@ def as_strip(decay: Any, bound: Any) -> tuple[float, float]:
     """The strip for poles, -``bound`` < Re s < -``decay`` [1/s]: 0 or more, and inf for any."""
     least = as_scalar("decay", decay)
     most = inf if isinstance(bound, float) and bound == inf else as_scalar("bound", bound)
-    if not 0 <= least < most:
+    if 1e150 < most < inf:  # whose square is no float
+        raise InputError("bound", f"{most:g} must be below 1e+150, or inf")
+    if not 0 <= least < min(most, 1e150):
         raise InputError("decay", f"{least:g} must be at least zero and below the bound {most:g}")
     return least, most
 
