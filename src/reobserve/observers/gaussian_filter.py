@@ -110,7 +110,7 @@ def uneven_times(
             return times, record._replace(time=times)
         return times, record._replace(time=times, periods=periods)
     lengths = np.full(rows, period) if given is None else as_floats("dt", given)
-    if lengths.shape not in ((), (rows,)) or lengths.min() <= 0:
+    if lengths.shape not in ((), (rows,)) or not 0 < lengths.min() <= lengths.max() < 1e150:
         raise InputError("dt", f"{shown(given)} must be a positive time, or {rows} of them")
     first = np.atleast_1d(period if held is None else held)
     periods = np.concatenate([first, np.broadcast_to(lengths, rows)])

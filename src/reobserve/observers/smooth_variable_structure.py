@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.core.arguments import as_word
 from reobserve.core.errors import InputError, shown
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.matrices import as_floats, as_scalar, as_vector
@@ -111,10 +112,7 @@ class SmoothVariableStructureFilter(LinearFilter):
         gamma = as_scalar("convergence_rate", self.convergence_rate)
         if not 0 <= gamma < 1:
             raise InputError("convergence_rate", f"{gamma:g} must be from 0 to below 1")
-        if self.inverse not in INVERSES:
-            raise InputError(
-                "inverse", f"{shown(self.inverse)} must be one of {', '.join(INVERSES)}"
-            )
+        as_word("inverse", self.inverse, INVERSES)
         rank = int(np.linalg.matrix_rank(self.model.arrays.C))
         if rank < m:
             raise InputError(

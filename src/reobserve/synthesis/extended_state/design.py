@@ -105,7 +105,7 @@ def in_some_units(
     try:
         return attempt(None)
     except InputError as error:
-        if error.parameter != "solver" or solver not in SOLVERS:
+        if error.parameter != "solver" or not isinstance(solver, str) or solver not in SOLVERS:
             raise
         said = str(error).removeprefix("solver: ")
     try:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.core.arguments import as_word
 from reobserve.core.errors import InputError
 from reobserve.core.extras import package
 from reobserve.synthesis.extended_state.central_path import Constraint, Problem, Stack, Vector
@@ -28,8 +29,7 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
     With them comes the status of the solver.
     """
     cvxpy = package("cvxpy", "solve matrix inequalities")
-    if solver not in SOLVERS:
-        raise InputError("solver", f"{solver!r} must be one of {', '.join(SOLVERS)}")
+    as_word("solver", solver, SOLVERS)
     # Stated as one vector, which cvxpy compiles in a fifth of the time of the matrices.
     x: Any = cvxpy.Variable(len(problem.weights))
     strict = _STRICT[solver] if problem.radius is None else _WIDE

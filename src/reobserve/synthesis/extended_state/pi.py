@@ -13,12 +13,11 @@ with the kernels of BLAS, so three are proposed that are unique (`SOLUTIONS`).
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 
-from reobserve.core.arguments import as_kind
-from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_scalar
+from reobserve.core.arguments import as_kind, as_word
 from reobserve.synthesis.extended_state import pd_pi
 from reobserve.synthesis.extended_state.central_path import (
     Constraint,
@@ -26,6 +25,7 @@ from reobserve.synthesis.extended_state.central_path import (
     Problem,
     minimiser,
 )
+from reobserve.synthesis.extended_state.certificate import as_strip
 from reobserve.synthesis.extended_state.design import (
     CertifiedGains,
     accepted,
@@ -88,12 +88,9 @@ def design_feasible(
         One of `SOLUTIONS`, each of which is unique in the units of the system. That of minimum norm
         is within 1e-5 of its optimum, and none is below the design's ``lower``.
     """
-    decay = as_scalar("decay", decay)
-    if decay < 0:
-        raise InputError("decay", f"{decay:g} must be at least zero")
+    decay, _ = as_strip(decay, inf)
     size = as_kind("system", system, AugmentedSystem).size
-    if solution not in SOLUTIONS:
-        raise InputError("solution", f"{solution!r} must be one of {', '.join(SOLUTIONS)}")
+    as_word("solution", solution, SOLUTIONS)
 
     def attempt(units: Units | None) -> CertifiedGains:
         if solution != "minimum_norm":

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.core.errors import InputError
+from reobserve.core.arguments import as_word
 from reobserve.polynomials.arithmetic import Coefficients, add_applied, zeros
 from reobserve.polynomials.maps import PolynomialMap
 
@@ -56,8 +56,7 @@ def gain_at(
 
     ``series`` is `gain_series` of S; the result has shape (k, n, n).
     """
-    if gain not in GAINS:
-        raise InputError("gain", f"{gain!r} must be one of {', '.join(GAINS)}")
+    as_word("gain", gain, GAINS)
     n = S.variables
     if order == 0:
         return np.broadcast_to(np.eye(n), (len(x), n, n))
