@@ -7,9 +7,18 @@
 from __future__ import annotations
 
 from hypothesis import Phase, settings
+from hypothesis.internal.conjecture.providers import AVAILABLE_PROVIDERS, HypothesisProvider
 
 
-def fewer(divisor: int) -> settings:
-    """Settings with a part of the examples of the profile, at least one, where each is long."""
-    phases = [Phase.explicit, Phase.generate]
-    return settings(max_examples=max(1, settings().max_examples // divisor), phases=phases)
+class Fresh(HypothesisProvider):
+    """Draws each example anew, where hypothesis by itself repeats parts of each in five more."""
+
+
+AVAILABLE_PROVIDERS["fresh"] = f"{__name__}.Fresh"
+
+
+def times(factor: float) -> settings:
+    """Settings with ``factor`` times the examples of the profile, at least one."""
+    count = max(1, int(factor * settings().max_examples))
+    phases = settings().phases if factor > 1 else [Phase.explicit, Phase.generate]  # those are long
+    return settings(max_examples=count, phases=phases, backend="fresh")

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import tempfile
 import time
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from hypothesis import strategies as some
 
 from tests.reobserve_papers.pipeline.conftest import Project, copy_toy
 
-from . import fewer
+from . import times
 
 pytestmark = pytest.mark.nightly
 
@@ -29,21 +30,20 @@ PLACES = (
     "results", "logs/toy", "results/toy", ".snakemake/metadata", "results/toy/push", ".snakemake",
     "logs/toy/table1.table.log", "results/toy/parameters.json", "results/toy/table1.csv",
 )  # fmt: skip
+OWNERS = ["read-only", *["another owner"] * IS_ROOT]
 # What happens, and how many results there are before, or how large files may become [KB], or by how
 # many days clocks are wrong, or which result or place it happens to.
 FAULTS = some.one_of(
     some.tuples(some.just("kill"), some.integers(1, 12)),
     some.tuples(some.just("full disk"), some.integers(0, 64)),
     some.tuples(some.just("clock"), some.integers(-400, 400)),
-    some.tuples(
-        some.sampled_from(["read-only", *["another owner"] * IS_ROOT]), some.sampled_from(PLACES)
-    ),
+    some.tuples(some.sampled_from(OWNERS), some.sampled_from(PLACES)),
     some.tuples(some.just("cut"), some.integers(0, 12)),
     some.tuples(some.just("two at once"), some.just(0)),
 )
 EACH = [
     ("kill", 3), ("full disk", 4), ("clock", -1), ("cut", 2), ("kill", 8), ("clock", 1),
-    ("two at once", 0),
+    ("two at once", 0), *product(OWNERS, PLACES[2::3]),
 ]  # fmt: skip
 
 
@@ -127,15 +127,8 @@ def check(undisturbed: Project, faults: list[tuple[str, Any]]) -> None:
 
 @given(some.lists(FAULTS, min_size=1, max_size=3))
 @example(EACH)
-@fewer(100)
+@times(1 / 100)
 def test_build_after_faults_has_the_bytes_of_an_undisturbed_one(
     undisturbed: Project, faults: list[tuple[str, Any]]
 ) -> None:
     check(undisturbed, faults)
-
-
-@pytest.mark.parametrize("fault", ["read-only", "another owner"])
-def test_place_that_cannot_be_written_is_named(undisturbed: Project, fault: str) -> None:
-    if fault == "another owner" and not IS_ROOT:
-        pytest.skip("only root gives files to others")
-    check(undisturbed, [(fault, place) for place in PLACES[2::3]])

@@ -286,6 +286,7 @@ def node_chain(
     ):  # fmt: skip
         if (number := as_scalar(name, value)) < 0:
             raise InputError(name, f"{number:g} must be 0 or more")
+    random_walk, jump_rate, switch_rate = map(float, (random_walk, jump_rate, switch_rate))
     speeds = as_rates(rates)
     if not speeds.any():
         return _walk(grid, random_walk, jump_rate, period)

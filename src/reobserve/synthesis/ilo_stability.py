@@ -144,7 +144,8 @@ def _worst_round_gain(law: LearningLaw) -> float:
     angles = np.tan(np.linspace(-1.5, 1.5, 61))
     near = np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * angles
     frequency = np.concatenate([[0.0], wide, np.abs(near).ravel()])
-    trips = _round_trip(law, 1j * frequency)
+    with np.errstate(over="ignore", invalid="ignore"):  # refused below
+        trips = _round_trip(law, 1j * frequency)
     if not np.isfinite(trips).all():
         raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
     eigenvalues = np.linalg.eigvals(trips)

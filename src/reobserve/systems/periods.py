@@ -71,11 +71,12 @@ def check_period_of_effects(
     """
     if periods is None:
         return
-    effects = matrices * periods  # (..., m, n)
     rows = np.zeros(matrices.shape[-2]) if of_rows is None else of_rows
-    turns = effects / np.where(rows > 0, rows, np.inf)[:, None]
-    left = np.where(rows[:, None] > 0, turns - np.round(turns), effects)
-    wrong = np.abs(left) > _WHOLE
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are wrong
+        effects = matrices * periods  # (..., m, n)
+        turns = effects / np.where(rows > 0, rows, np.inf)[:, None]
+        left = np.where(rows[:, None] > 0, turns - np.round(turns), effects)
+        wrong = ~(np.abs(left) <= _WHOLE)
     if wrong.any():
         *_, row, column = np.argwhere(wrong)[0].tolist()
         what = f"row {row + 1}, column {column + 1} times the period {periods[column]:g}"
