@@ -38,9 +38,9 @@ OPTIONS: Tree = {
     "parameter_states": {"friction": {"initial_variance": 0.1, "random_walk": 1e-7, "unit": "1"}},
     "dynamics": {"angle": "rate", "rate": "-sin(angle)*exp(-rate**2) - rate/(2 + cos(angle))"},
     "injection": {"rate": "sin(y1) - y1"}, "lipschitz": {"rate": {"angle": 9.81, "rate": 0.5}},
-    "structure": "pi", "poles": ["-5+2j", "-5-2j"], "order": 3, "probabilities": [0.25, 0.75],
-    "C": [[0.0, 1.0]], "R": 1e-3, "variant": "continuous", "unknown_input": [0.1],
-    "unknown_input_covariance": 0.1, "fault_covariance": 0.1, "rate_covariance": 0.1, "inputs": {},
+    "structure": "pi", "poles": ["-5+2j", "-5-2j"], "initial_probabilities": [0.25, 0.75],
+    "C": [[0.0, 1.0]], "R": 1e-3, "order": 3, "variant": "continuous", "unknown_input": [0.1],
+    "initial_unknown_input_covariance": 0.1, "initial_fault_covariance": 0.1, "inputs": {},
 }  # fmt: skip
 
 
@@ -124,7 +124,7 @@ def check(kind: str, path: Path_, value: Any, *options: str) -> bool:
 
 
 # Of the model as a whole, of gains, of what a certificate or a solver found.
-OWN = ("model", "gains", "certificate", "solver", "degree")
+OWN = ("model", "gains", "certificate", "solver", "degree", "lambdas")
 
 
 @given(changes(QUICK))
@@ -134,6 +134,7 @@ OWN = ("model", "gains", "certificate", "solver", "degree")
 @example(("extended-high-gain", ("initial_state", 0), 101))
 @example(("extended-high-gain", ("sampling_period",), 0.019))
 @example(("extended-high-gain", ("gains", "rho"), 78))
+@example(("augmented-kalman", ("A", 0, 0), 1, "unknown_input"))
 @times(1 / 12)
 def test_changed_example_is_refused_or_exported(change: Change) -> None:
     check(*change)

@@ -88,6 +88,8 @@ class Design(ABC):
             with np.errstate(all="ignore"):  # of what is refused, or found not to be finite
                 yield
         except InputError as error:
+            if error.problem.startswith("unknown key"):  # as it is written
+                raise
             name = re.match(r"\w*", error.parameter)[0]  # type: ignore[index]
             rest = error.parameter[len(name) :]
             if name in _names(get_type_hints(cls)["gains"]):
