@@ -29,7 +29,7 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
     With them comes the status of the solver.
     """
     cvxpy = package("cvxpy", "solve matrix inequalities")
-    as_word("solver", solver, SOLVERS)
+    as_word("solver", solver, [*SOLVERS])
     # Stated as one vector, which cvxpy compiles in a fifth of the time of the matrices.
     x: Any = cvxpy.Variable(len(problem.weights))
     strict = _STRICT[solver] if problem.radius is None else _WIDE
