@@ -11,7 +11,7 @@ from hypothesis.internal.conjecture.providers import AVAILABLE_PROVIDERS, Hypoth
 
 
 class Fresh(HypothesisProvider):
-    """Draws each example anew, where hypothesis by itself repeats parts of each in five more."""
+    """Draws all examples independently, where hypothesis repeats parts of each in five more."""
 
 
 AVAILABLE_PROVIDERS["fresh"] = f"{__name__}.Fresh"
