@@ -144,8 +144,7 @@ def _worst_round_gain(law: LearningLaw) -> float:
     angles = np.tan(np.linspace(-1.5, 1.5, 61))
     near = np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * angles
     frequency = np.concatenate([[0.0], wide, np.abs(near).ravel()])
-    with np.errstate(over="ignore", invalid="ignore"):  # refused below
-        trips = _round_trip(law, 1j * frequency)
+    trips = _round_trip(law, 1j * frequency)
     if not np.isfinite(trips).all():
         raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
     eigenvalues = np.linalg.eigvals(trips)
@@ -154,7 +153,8 @@ def _worst_round_gain(law: LearningLaw) -> float:
 
 def _round_trip(law: LearningLaw, s: ArrayLike) -> Complex:
     """K1 (I + K2 (J s + Lambda)^-1 B_f)^-1, shape (..., n, n)."""
-    return np.asarray(law.K1 @ np.linalg.inv(np.eye(len(law.K1)) + law.loop(s)))
+    with np.errstate(over="ignore", invalid="ignore"):  # of gains that are refused
+        return np.asarray(law.K1 @ np.linalg.inv(np.eye(len(law.K1)) + law.loop(s)))
 
 
 def _tail_excess(law: LearningLaw) -> float:

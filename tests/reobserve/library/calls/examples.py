@@ -25,7 +25,7 @@ from tests.reobserve.library.test_docstrings import EXAMPLES
 from .call import COMPLEX, MISSING, Call
 
 OTHERS = ("main", "Gains")  # of a command line, and whose fields are checked when used
-MAY_MISS = {"y", "distances", "statistic", "squares", "values", "score", "innovation"}
+MAY_MISS = {"y", "increments", "distances", "statistic", "squares", "values", "score", "innovation"}
 
 
 class _Recorded(ast.NodeTransformer):
