@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, wraps
 from itertools import islice
+from pathlib import Path
 from types import FunctionType
 from typing import Any
 
@@ -98,8 +99,10 @@ def odd_argument(draw: st.DrawFn, valid: Any, others: Sequence[Any]) -> tuple[st
         entries[at] = odd_argument(draw, entries[at], others)[1]
         return type(valid)(entries)
 
+    # A file may be given such a name.
+    words = [one for one in WORDS if "escaped" not in one or not isinstance(valid, Path)]
     kinds: list[Callable[[], Any]] = [
-        lambda: picked(draw, THINGS)(valid), lambda: picked(draw, WORDS),
+        lambda: picked(draw, THINGS)(valid), lambda: picked(draw, words),
         lambda: picked(draw, NUMBERS), lambda: picked(draw, others),
     ]  # fmt: skip
     if isinstance(valid, FunctionType):
