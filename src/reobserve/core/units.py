@@ -114,7 +114,7 @@ def _problem(text: str) -> str | None:
         return f"{shown(text)} must be {above}/({below}), or have what is not divided in front"
     if not readings(text):
         return f"{shown(text)} is no unit that is known; rad/s, deg/s, N m, °C, V and 1 are some"
-    if all(step(unit) is None for unit in readings(text)):
+    if not any(map(is_affine, readings(text))):
         return f"{shown(text)} counts by a logarithm, which has no conversion"
     return None
 
@@ -226,14 +226,13 @@ def angles(unit: Any) -> float:
 
 
 @cache
-def step(unit: Any) -> float | None:
-    """The size in kelvin, say, of a degree on a scale with an offset, or None for a logarithm."""
+def is_affine(unit: Any) -> bool:
+    """True for a scale of even steps, with an offset or none, False for a logarithm."""
     if registry().Quantity(1.0, unit)._is_multiplicative:
-        return 1.0
+        return True
     try:
         quantity = registry().Quantity
         at = [quantity(value, unit).to_base_units().magnitude for value in (0.0, 1.0, 2.0)]
     except Exception:  # pint's, of which there are many
-        return None
-    even = abs((at[2] - at[1]) - (at[1] - at[0])) <= 1e-9 * abs(at[1] - at[0])
-    return float(at[1] - at[0]) if even else None
+        return False
+    return bool(abs((at[2] - at[1]) - (at[1] - at[0])) <= 1e-9 * abs(at[1] - at[0]))

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.units import angles, check_unit, readings, registry, step
+from reobserve.core.units import angles, check_unit, is_affine, readings, registry
 
 # In which rates are stated, of events as well as of turns and radians.
 _COUNTING = {"minute", "hour", "hertz", "count", "bit", "percent"}
@@ -96,7 +96,7 @@ def _pairs(given: str, wanted: str) -> list[tuple[Any, Any]]:
 def _way(unit: Any, other: Any) -> Conversion | None:
     """The conversion of one unit of pint into another, None if it has none."""
     quantity = registry().Quantity
-    if step(unit) is None or step(other) is None:
+    if not (is_affine(unit) and is_affine(other)):
         return None
     try:
         zero = float(quantity(0.0, unit).to(other).magnitude)

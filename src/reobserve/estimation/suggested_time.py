@@ -101,11 +101,14 @@ def _mention(chosen: str, others: Sequence[str], unsure: Unsure) -> None:
 
 
 def _groups(titles: Sequence[str], columns: Sequence[Column]) -> list[tuple[list[str], Column]]:
-    """Columns of dates, and those that are parts of one, those of dates with hours first."""
+    """Columns of dates that are not mostly empty, and parts of one, those with hours first."""
     found, taken = list[tuple[int, int, list[str], Column]](), 0
     for k, count in product(range(len(columns)), range(6, 0, -1)):
         if taken <= k <= len(columns) - count:
-            rows = [*zip(*columns[k : k + count], strict=True)]
+            parts = columns[k : k + count]
+            if any(2 * sum(map(bool, part)) <= len(part) for part in parts):
+                continue
+            rows = [*zip(*parts, strict=True)]
             joined = [" ".join(row).strip() for row in rows]
             behind = count > 1 and _MILLI.fullmatch(titles[k + count - 1]) is not None
             dates = [" ".join(row[:-1]) for row in rows if len(row[-1]) < 4] if behind else joined
@@ -135,7 +138,7 @@ def _all(form: re.Pattern[str], cells: Column) -> bool:
     """True if a form is that of nearly all cells that are not empty."""
     known = [cell for cell in cells if cell]
     fit = sum(form.fullmatch(cell) is not None for cell in known)
-    return len(known) > 0.5 * len(cells) and fit > 0.9 * len(known)
+    return fit > 0.9 * len(known)
 
 
 def _rises(cells: Column, number: Number, named: bool = False) -> bool:

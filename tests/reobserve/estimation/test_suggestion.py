@@ -135,6 +135,11 @@ LAYOUTS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "a column of texts": (
         "t,y,note\n" + rows(ISO, "{v:.2f}", "").replace("1.30,", "1.30,rain"), ISO_KEYS, {},
     ),
+    "dates in a few rows": (
+        "seen,t,y\n" + rows("", ISO, "{v:.2f}", count=9)
+        + rows(ISO.replace("03-01", "02-29"), ISO, "{v:.2f}", start=9, count=3)
+        + rows("", ISO, "{v:.2f}", start=12), ISO_KEYS, {},
+    ),
     "repeated headers": (
         "t,y\n" + rows(ISO, "{v:.2f}", count=20) + "t,y\n" + rows(ISO, "{v:.2f}", start=20),
         ISO_KEYS, {"repeated_header": "skip"},

@@ -9,7 +9,6 @@ import inspect
 import pkgutil
 import re
 from collections.abc import Iterator
-from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -84,12 +83,6 @@ def test_all_arguments_are_described() -> None:
         if not re.search(rf"\b{argument}\b", text)
     }
     assert missing == set()
-
-
-def test_public_values_do_not_change() -> None:
-    values = {one for one in PUBLIC if is_dataclass(one)}
-    assert OBSERVERS.keys() <= {one.__name__ for one in values}
-    assert {one for one in values if not one.__dataclass_params__.frozen} == set()
 
 
 def examples() -> dict[str, doctest.DocTest]:

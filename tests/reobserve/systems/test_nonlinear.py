@@ -212,6 +212,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (text(f=["a", "w"], states=3), "state_names: are 2, must be 3"),
     (text(h=["a", 1.0]), "h: ['a', 1.0] must be a function of x and u, or a list of texts"),
     (text(F=[["1", "0"]]), "F: [['1', '0']] must be a function, or 2 rows of 2 texts"),
+    (text(F=[["1", 0.0], ["0", "1"]]), "F: [['1', 0.0], ['0', '1']] must be a function, or 2 rows"),
     (text(H=[["1", "q"]]), "H[0][1]: 'q' names q, must name nothing but a, w, u"),
     (text(input_names=["a"]), "input_names: ['a', 'w', 'a'] must be different names"),
     (text(input_names=["1"]), "input_names: ['1'] must be different names, as those of variables"),

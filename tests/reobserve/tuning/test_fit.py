@@ -177,10 +177,18 @@ def test_maximum_is_found_beside_values_that_cannot_run(limit: float) -> None:
     assert found.log_likelihood == pytest.approx(-665.2125690800685, abs=1e-5)
 
 
-def test_maximum_near_the_end_of_a_linear_range_has_errors() -> None:
-    wide = {"noise": (1e-3, 1e2, "linear"), "level": (1e-4, 1e1, "linear")}
-    found = fit(local_level, wide, [level_record()])
-    assert found.edges == {"noise": "low", "level": "low"}
+@pytest.mark.parametrize(("high", "end"), [(1e2, "low"), (1.159, "high")])
+def test_maximum_near_the_end_of_a_linear_range_has_errors(high: float, end: str) -> None:
+    tried = []
+
+    def level(p: dict[str, float]) -> object:
+        tried.append(p["noise"])
+        return local_level(p)
+
+    ranges = {"noise": (1e-3, high, "linear"), "level": (1e-4, 1e1, "linear")}
+    found = fit(level, ranges, [level_record()])
+    assert 1e-3 <= min(tried) < max(tried) <= high
+    assert found.edges == {"noise": end, "level": "low"}
     assert found.standard_errors == pytest.approx(
         {"noise": 0.09813366, "level": 0.03192594}, rel=1e-2
     )

@@ -145,12 +145,14 @@ def test_line_that_fits_exactly_is_not_wrapped(monkeypatch: pytest.MonkeyPatch) 
     assert measure.broken(words, text, np.nextafter(wide, 0.0)) == "three words\n[N m]"
 
 
-def test_manual_line_breaks_are_kept_if_they_fit() -> None:
+def test_line_breaks_and_a_legend_are_kept_if_they_fit() -> None:
     use_sheet(COLUMN)
     figure, (panel,) = new_figure((1.5,))
-    panel.plot(TIME, TIME)
+    panel.plot(TIME, TIME, label="a line")
+    legend = panel.legend(loc="lower right")
     panel.set_xlabel("two\nlines")
     fix_layout(figure)
+    assert panel.get_legend() is legend
     assert panel.get_xlabel() == "two\nlines"
 
 

@@ -101,6 +101,7 @@ def test_step_is_the_sampling_period() -> None:
         _ = Series(np.array([0.0, 0.1, 0.3]), {}).step
     almost = 0.01 * np.array([0.0, 1.0 + 1e-7, 2.0])
     assert Series(almost, {}).step == 0.01
+    assert Series(almost[::2], {}).step == 0.02
     with pytest.raises(InputError, match=r"^time: must be evenly spaced$"):
         _ = Series(0.01 * np.array([0.0, 1.0 + 2e-6, 2.0]), {}).step
     with pytest.raises(InputError, match=r"^time: must have two samples or more for a period$"):

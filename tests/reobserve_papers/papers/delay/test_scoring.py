@@ -24,6 +24,9 @@ def test_scored_half_periods_start_after_the_last_jump() -> None:
     found = [(at, TIME[chosen][0], TIME[chosen][-1]) for at, chosen in half_periods(PLANT, TIME)]
     expected = [(at, at - 5, at + 5) for at in (15.0, 25.0, 35.0, 45.0)]
     assert np.array(found) == pytest.approx(np.array(expected), abs=0.011)
+    quick = Series(0.05 * TIME, PLANT.channels, {"jumps": ()})
+    instants = [at for at, _ in half_periods(quick, quick.time)]
+    assert instants == pytest.approx([0.75, 1.25, 1.75, 2.25])
 
 
 def test_peaks_have_mean_size_and_mean_distance() -> None:
