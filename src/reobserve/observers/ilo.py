@@ -156,7 +156,7 @@ class ILO(LearningObserver):
     InputError
         If a shape is wrong, Lambda is not positive definite, tau is not positive or no multiple
         of the step; K1 has a spectral radius above 1 or K2 destabilises, which is refused
-        with the growth that it causes.
+        with the growth that it causes, or is so large that growing modes cannot be counted.
 
     Examples
     --------
@@ -172,7 +172,7 @@ class ILO(LearningObserver):
 
     def _check_stability(self) -> None:
         verdict = continuous_stability(self.law)
-        if verdict.verdict == "unstable":
+        if verdict.verdict == "unstable" or verdict.unstable_roots is None:
             raise InputError("K1, K2", f"must give stable error dynamics, but {verdict.reason}")
 
     @cached_property

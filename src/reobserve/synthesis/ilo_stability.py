@@ -17,6 +17,7 @@ from reobserve.synthesis.ilo_error_system import Complex, LearningLaw, Verdict
 
 _UNIT = 1e-9  # a spectral radius this close to one is taken to be one
 _SHIFTS = (1.0, 0.1, 0.01, 0.001, 0.0)  # real parts [1/interval] right of which roots are counted
+_MOST = 1e150  # [1/s], of entries whose squares are floats
 _PERIODS = 4000  # longest frequency range [2 pi / interval] over which roots are counted
 
 
@@ -133,7 +134,7 @@ def _powers_grow(K1: Matrix) -> bool:
 def _worst_round_gain(law: LearningLaw) -> float:
     """Supremum of the radius of K1 T(j w) over a frequency grid, infinite if T is not stable."""
     closed = -np.linalg.solve(law.inertia, law.observer_gain + law.fault_matrix @ law.K2)
-    if not np.isfinite(closed).all():
+    if not (np.abs(closed) < _MOST).all():
         raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
     poles = np.concatenate([np.linalg.eigvals(closed), np.linalg.eigvals(law.rate_matrix)])
     if np.max(poles.real) >= 0:

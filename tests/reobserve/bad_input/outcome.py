@@ -34,7 +34,7 @@ def is_accepted(
 
     The folder also has what it lacks of the configuration of a ``project``.
 
-    Anything else fails: another exception, a message of several lines, a file left or changed by a
+    Anything else fails: another exception, a sentence of several lines, a file left or changed by a
     refused call, a file outside the folder, or a half-written file.
     """
     with tempfile.TemporaryDirectory() as scratch:
@@ -47,24 +47,25 @@ def is_accepted(
         if project is not None:
             _link_project(project, folder, ("config", "workflow"))
         before = _files(top)
-        refusal, kind = None, ""
+        refused, kind = list[str](), ""
         with contextlib.chdir(folder), limited_memory(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
                 call()
             except ReobserveError as error:
-                refusal, kind = str(error), type(error).__name__
+                refused = [str(one) for one in getattr(error, "problems", [error])]
+                kind = type(error).__name__
         after = _files(top)
         changed = {name for name in {*before, *after} if before.get(name) != after.get(name)}
-        if refusal is not None:
-            assert kind[0] != "_", "a private class of error"
+        assert not kind.startswith("_"), "a private class of error"
+        assert changed == set() or not refused, "a refused call changed files"
+        for refusal in refused:  # all that is wrong with a record, a sentence each
             assert refusal.strip(), "an empty message"
             assert "\n" not in refusal
             assert len(refusal) <= LONGEST
-            assert changed == set(), "a refused call changed files"
         assert [name for name in changed if not name.startswith("above/here/")] == []
         assert [name for name in changed if "escaped" in name or name.endswith(".partial")] == []
-        return refusal is None
+        return not refused
 
 
 def command(

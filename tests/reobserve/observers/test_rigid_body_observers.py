@@ -491,6 +491,14 @@ def test_invalid_input_is_refused_in_one_sentence(build: Build, sentence: str) -
         build()
 
 
+@pytest.mark.parametrize("power", range(0, 309, 28))
+def test_learning_of_the_wrong_sign_is_refused_at_every_size(power: int) -> None:
+    """From -1, at which the gains of the observer are no greater, to the largest floats."""
+    for build in (continuous, sampled):
+        with pytest.raises(InputError, match=r"^K1, K2: "):
+            build(K1=1.0, K2=-(10.0**power), observer_gain=1.0)
+
+
 @each_observer
 def test_invalid_initial_rate_is_refused(observer: RigidBodyObserver) -> None:
     with pytest.raises(InputError, match=r"^rate: has shape \(2,\), must be a list of 3 numbers$"):
