@@ -96,6 +96,12 @@ def _joined_bounds(sign: ast.operator, first: Bounds, second: Bounds) -> Bounds:
     return 0, d if isinstance(sign, ast.Mod) else b
 
 
+def _varies(value: Any) -> bool:
+    """True if a value, or a part of a tuple, is known in C alone."""
+    parts = value if isinstance(value, tuple) else ()
+    return isinstance(value, Number | View) or any(map(_varies, parts))
+
+
 class Expressions:
     """One function: its names and what they stand for, and the block that is being written."""
 
@@ -392,7 +398,7 @@ class Expressions:
         if type(sign) not in _COMPARED:
             self.refuse("such a comparison")
         text, operation = _COMPARED[type(sign)]
-        if any(isinstance(one, tuple | View) and "Number(" in repr(one) for one in (left, right)):
+        if any(not isinstance(one, Number) and _varies(one) for one in (left, right)):
             self.refuse("a comparison of tuples or arrays")
         if not isinstance(left, Number) and not isinstance(right, Number):
             return bool(operation(left, right))
