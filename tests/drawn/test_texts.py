@@ -246,6 +246,7 @@ def test_all_pairs_of_functions_have_their_values(way: str) -> None:
 @given(st.lists(grown, min_size=6, max_size=6))
 @example(["sech(cos(a))", "coth(sin(a))", "cot(tanh(a))", "sinc(csch(a))"])
 @example(["sin(cosh((w + pi)**-40))", "cos(tanh((a + w + 1)**200))", "cosh((sqrt(w) + pi)**-40)"])
+@example(["(sinh(-125**-40))**(-pi**2)", "(-2)**0.5", "a*(-1e-84)**-9.87"])
 @example(["atan2(csch(w), sin(3.799359903131718e+16))"])  # 37993599031317180 is no float
 @example(["asin(sin((pi + E + sqrt(2) + log(2) + log(3))**90))*a", "(-1)**w", "2**a", "a**-w"])
 @times(1 / 3)

@@ -8,7 +8,7 @@ import inspect
 import math
 import operator
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Any, NoReturn
 
@@ -446,11 +446,12 @@ class Expressions:
             self.refuse("such an operator")
         text, level, operation = ARITHMETIC[type(sign)]
         if not isinstance(left, Number) and not isinstance(right, Number):
-            try:
-                return operation(left, right)
-            except ZeroDivisionError:
-                with np.errstate(all="ignore"):
-                    return float(operation(np.float64(left), right))
+            with suppress(ArithmeticError):
+                found = operation(left, right)
+                if not isinstance(found, complex):
+                    return found
+            with np.errstate(all="ignore"):
+                return float(operation(np.float64(left), right))
         if isinstance(sign, ast.Pow):
             return self._power(left, right)
         first, second = self._alike(left, right)

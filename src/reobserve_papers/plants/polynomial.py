@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import MOST_STEPS, as_kind, as_whole
 from reobserve.core.errors import DivergenceError, InputError
+from reobserve.core.finite import finite
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_floats, as_positive, as_vector
 from reobserve.polynomials.evaluation_kernels import Polynomials, evaluate, polynomials
@@ -43,18 +44,19 @@ class PolynomialPlant:
         states[0] = start
         f = polynomials(self.system.dynamics)
         work = np.empty(len(f.parent)), np.empty((5, len(start)))
-        finite = _simulate(f, work, step, states)
-        if finite < steps:
-            raise DivergenceError("plant", finite * step)
+        last = _simulate(f, work, step, states)
+        if last < steps:
+            raise DivergenceError("plant", last * step)
         return states
 
+    @finite("states")
     def output(self, states: Array) -> Array:
         """The output y, shape (..., p), at states of shape (..., n).
 
         Raises
         ------
         InputError
-            If the states are no numbers, or not n of them.
+            If the states are no numbers, not n of them, or so large that the output overflows.
         """
         points = as_floats("states", states)
         if points.ndim == 0 or points.shape[-1] != self.system.states:
