@@ -222,8 +222,6 @@ def odd_calls(draw: st.DrawFn, calls: Callable[[], Mapping[str, Call]]) -> Odd:
 KALMAN = KalmanFilter(LinearModel([[1]], C=[[1]], Q=1, R=1))
 RUN = KALMAN.run([0.0, 1.0], start=KALMAN.init([0], 1))
 KNOWN = {"order": 0, "sampling_period": 0.1, "poles": [-1], "form": "transformed"}
-
-
 HUGE, MASKED = np.broadcast_to(6.3, 10**10), np.ma.masked_array([1.0], [True])
 
 

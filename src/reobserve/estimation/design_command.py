@@ -56,16 +56,14 @@ def _saved(
     from reobserve.estimation.specified_design import is_specification, specified_design
 
     if chosen is not None and not is_specification(tree):
-        with chosen.keyed():
-            return save_design(out, chosen.designed({**tree, **changes})), ()
+        return save_design(out, chosen.designed({**tree, **changes})), ()
     made = specified_design(tree, kind, changes)
     if made.from_file:
         raise InputError("observer.kind", "design is of a file that `reobserve design` wrote")
     if len(made.signals[1]) != len(made.design.inputs):
         problem = f"must be named and have units, as the columns are {len(made.signals[1])}"
         raise InputError("observer.inputs", problem)
-    with type(made.design).keyed():
-        return save_design(out, made.design), made.notes
+    return save_design(out, made.design), made.notes
 
 
 def _change(text: str) -> tuple[str, Any]:

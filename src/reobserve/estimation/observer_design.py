@@ -88,8 +88,6 @@ class Design(ABC):
             with np.errstate(all="ignore"):  # of what is refused, or found not to be finite
                 yield
         except InputError as error:
-            if error.problem.startswith("unknown key"):  # as it is written
-                raise
             name = re.match(r"\w*", error.parameter)[0]  # type: ignore[index]
             rest = error.parameter[len(name) :]
             if name in _names(get_type_hints(cls)["gains"]):
@@ -127,7 +125,9 @@ class Design(ABC):
     @classmethod
     def designed(cls, tree: Tree) -> Self:
         """The design of a model's file, with gains found where it leaves them out."""
-        return cls.of(*cls.read(tree))
+        parts = cls.read(tree)
+        with cls.keyed():
+            return cls.of(*parts)
 
     @classmethod
     def of(cls, system: Any, gains: Any = None) -> Self:

@@ -296,10 +296,10 @@ def node_chain(
     ends = np.clip(grid[:, None] + period * speeds, grid[0], grid[-1])
     moved = np.stack([np.interp(ends, grid, node) for node in np.eye(len(grid))], axis=2)
     v, count = len(speeds), len(grid) * len(speeds)
-    leave = -np.expm1(-period * switch_rate) if v > 1 else 0.0
+    leave = -np.expm1(-switch_rate * period) if v > 1 else 0.0
     switch = np.full((v, v), leave / max(v - 1, 1))
     np.fill_diagonal(switch, 1.0 - leave)
-    jump = -np.expm1(-period * jump_rate)
+    jump = -np.expm1(-jump_rate * period)
     chain = np.einsum("ab,ik,kbj->iajb", switch, walk, moved, optimize=True)
     return np.asarray((1.0 - jump) * chain.reshape(count, count) + jump / count)
 

@@ -72,7 +72,8 @@ def save_design(path: str | Path, design: DesignKind) -> DesignKind:
         is not finite, or the file cannot be written.
     """
     name = name_of(type(design))
-    certified = replace(design, certificate=design.certify())
+    with design.keyed():
+        certified = replace(design, certificate=design.certify())
     for key, value in certified.certificate.items():
         if isinstance(value, float) and not isfinite(value):
             raise InputError(f"certificate.{key}", "is beyond floating-point numbers")
